@@ -1,0 +1,29 @@
+# `make run` and `make test` do their own set-up, once. They need Python 3.11-3.13 and make, nothing else.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test check bench clean
+
+run: .venv/.installed
+	$(BIN)/pcsr run recipes/tapsr.yaml
+
+test: .venv/.installed
+	$(BIN)/python -m pytest $(ARGS)
+
+check: .venv/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: .venv/.installed
+	$(BIN)/python -m pytest benchmarks $(ARGS)
+
+# pip 25.1 is the first that reads [dependency-groups].
+.venv/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --constraint constraints.txt --editable . --group dev
+	touch $@
+
+clean:
+	rm -rf .venv runs

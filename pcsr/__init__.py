@@ -1,0 +1,78 @@
+"""pcsr: point-cloud super-resolution with touch.
+
+Everything listed in `__all__` is public. Names are imported when first used, so that `import pcsr` and the
+command line's help pages stay fast and never load torch.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from pcsr.errors import PcsrError, RunError, UserError
+from pcsr.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    from pcsr.clouds.touch import Touch
+    from pcsr.contracts import (
+        Backbone,
+        Encoder,
+        Fusion,
+        Item,
+        Objective,
+        Shapes,
+        Touches,
+        TouchSource,
+        Trait,
+        Upsampler,
+        Widths,
+    )
+    from pcsr.registry import Register
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Touch": "pcsr.clouds.touch",
+    "Register": "pcsr.registry",
+    **dict.fromkeys(
+        (
+            "Backbone",
+            "Encoder",
+            "Fusion",
+            "Item",
+            "Objective",
+            "Shapes",
+            "TouchSource",
+            "Touches",
+            "Trait",
+            "Upsampler",
+            "Widths",
+        ),
+        "pcsr.contracts",
+    ),
+}
+
+__all__ = [
+    "Backbone",
+    "Encoder",
+    "Fusion",
+    "Item",
+    "Objective",
+    "PcsrError",
+    "Register",
+    "RunError",
+    "Shapes",
+    "Touch",
+    "TouchSource",
+    "Touches",
+    "Trait",
+    "Upsampler",
+    "UserError",
+    "Widths",
+    "__version__",
+    "hookimpl",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'pcsr' has no attribute '{name}'")

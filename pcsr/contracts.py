@@ -1,0 +1,183 @@
+"""The kinds of part, and what passes between them. Read this file first.
+
+A network is encoder, fusion, backbone and upsampler in a row; touch enters at the fusion, through an encoder
+of its own (TAPSR, Sec. 3.1, Fig. 1)::
+
+    P (b n 3) ──► encoder ──► Fp ──┐
+                                   ├─► fusion ──► Ff ──► backbone ──► F ──► upsampler ──► Q (b r·n 3)
+    T (b a m 3) ─► touch encoder ─► Ft ┘
+
+The constructor of a network part takes the `Widths` that the host hands in, then its own hyperparameters:
+keyword-only, typed, defaulted. The recipe's schema is read off that signature.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import ClassVar
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from pcsr.clouds.touch import Touch
+from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+
+
+class Trait(StrEnum):
+    """What a part claims about itself. The conformance tests hold it to its claims."""
+
+    POINT_ORDER_FREE = "point-order-free"
+    """Permuting the input's points permutes the output alike (or, for an upsampler, leaves the set as it was)."""
+    TOUCH_ORDER_FREE = "touch-order-free"
+    """The order of the touches does not matter."""
+    ANY_RATE = "any-rate"
+    """One instance serves every rate, not only the one it was built for."""
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Channel counts that the host knows when it builds a part. A count that is not known yet is 0."""
+
+    visual: int = 0
+    """Channels of the visual features: what the encoder gives, the fusion keeps and the backbone takes."""
+    touch: int = 0
+    """Channels of the touch features."""
+    refined: int = 0
+    """Channels that the backbone gives and the upsampler takes."""
+    rate: int = 1
+    """Output points for each input point."""
+
+
+@dataclass(frozen=True)
+class Touches:
+    """A batch of touches with their features, as a fusion receives it.
+
+    A row of the batch may hold fewer touches than another: `mask` is True where there is one. The host never
+    hands a fusion a row without any touch.
+    """
+
+    points: TouchPoints
+    features: TouchFeatures
+    mask: TouchMask
+
+    @property
+    def flat(self) -> Float[Tensor, "b am c"]:
+        """The features of all touches in one row of points."""
+        return self.features.flatten(1, 2)
+
+    @property
+    def flat_points(self) -> Float[Tensor, "b am 3"]:
+        """The coordinates in the order of `flat`."""
+        return self.points.flatten(1, 2)
+
+    @property
+    def flat_padding(self) -> Bool[Tensor, "b am"]:
+        """True where `flat` holds no touch: what attention layers call a key padding mask."""
+        return ~self.mask.repeat_interleave(self.points.shape[2], dim=1)
+
+
+class Part:
+    """What every part has, whatever its kind."""
+
+    traits: ClassVar[frozenset[Trait]] = frozenset()
+
+
+class Encoder(nn.Module, Part):
+    """Coordinates to features for each point. One serves the cloud; another, narrower, serves each touch."""
+
+    channels: int
+    """Channels of the features that it gives."""
+
+    def forward(self, points: Points) -> Features:
+        """Encode a cloud."""
+        raise NotImplementedError
+
+
+class Fusion(nn.Module, Part):
+    """Folds the touches into the visual features.
+
+    Without any touch the host does not call it: the visual features go on as they are.
+    """
+
+    hears_features: ClassVar[bool] = True
+    """False where the fusion ignores touch features, so that no touch encoder is needed."""
+
+    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+        """Fuse the touches into `features`, which keep their shape."""
+        raise NotImplementedError
+
+    def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
+        """A second door, before the encoder: the raw touch points may join the cloud. Unchanged by default."""
+        return points
+
+
+class Backbone(nn.Module, Part):
+    """Refines the fused features; sees the coordinates too."""
+
+    channels: int
+    """Channels of the features that it gives."""
+
+    def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
+        """Refine the features of each point."""
+        raise NotImplementedError
+
+
+class Upsampler(nn.Module, Part):
+    """Features to `rate` times as many points."""
+
+    def forward(self, points: Points, features: Features, rate: int) -> Dense:
+        """Make the dense cloud. A part built for one rate refuses another with a `UserError`."""
+        raise NotImplementedError
+
+
+class Objective(nn.Module, Part):
+    """What training minimises. It may own networks of its own, such as a discriminator."""
+
+    def forward(
+        self, prediction: Float[Tensor, "b rn 3"], target: Float[Tensor, "b g 3"]
+    ) -> dict[str, Float[Tensor, ""]]:
+        """Named losses; training minimises their sum."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Item:
+    """One object: a mesh in its own frame and unit."""
+
+    name: str
+    """Unique within its `Shapes`, and the same on every machine."""
+    group: str
+    """Objects of one group are variants of each other: a family, a product line, a source file."""
+    mesh: trimesh.Trimesh
+
+
+class Shapes(Part):
+    """Gives the objects. Cheap to construct and to pickle: workers load one item each, by name."""
+
+    def names(self, split: str) -> Sequence[str]:
+        """The objects of `split` ("train", "validation" or "test"), in a fixed order."""
+        raise NotImplementedError
+
+    def item(self, name: str) -> Item:
+        """Load or generate one object.
+
+        Raises:
+            UserError: the object cannot be used; the message says which and why.
+        """
+        raise NotImplementedError
+
+
+class TouchSource(Part):
+    """Gives the touches of an object, simulated or recorded."""
+
+    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
+        """`count` touches of `item`, in its frame and unit; `cloud` is what the camera sees of it.
+
+        The same arguments give the same touches, and fewer are a prefix of more.
+
+        Raises:
+            UserError: the object cannot be touched that often; the message says which and why.
+        """
+        raise NotImplementedError

@@ -1,0 +1,36 @@
+"""The errors a person sees: one line that names the thing, its value, its place and the remedy.
+
+The command line prints the message alone and exits with the error's code; `--traceback` shows the rest.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class PcsrError(Exception):
+    """Anything that pcsr itself reports. `exit_code` is what the command line returns."""
+
+    exit_code = 1
+
+
+class UserError(PcsrError):
+    """A mistake in what a person gave us: a recipe, a file, an option."""
+
+    exit_code = 2
+
+
+class RunError(PcsrError):
+    """A run that could not finish through no mistake in its input: a full disk, a loss that is not finite."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A remedy for an unknown name: the closest known one, or all of them.
+
+    Returns:
+        Text to put after "…: ", for example ``did you mean 'iterative'?``.
+    """
+    names = sorted(known)
+    close = get_close_matches(name, names, n=1)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"known: {', '.join(names)}" if names else "none is known"

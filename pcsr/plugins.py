@@ -1,0 +1,103 @@
+"""Finding plugins and letting them register. One that is broken never stops the others.
+
+pluggy's own entry-point loader ends at the first plugin that raises, hence the short loop here.
+"""
+
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Callable, Iterable
+from importlib.metadata import Distribution, distributions
+from pathlib import Path
+from types import ModuleType
+
+import pluggy
+
+from pcsr import hookspecs
+from pcsr.errors import PcsrError, UserError
+from pcsr.registry import Failure, Register, Registry
+
+GROUP = "pcsr"
+"""The entry-point group that plugins, ours too, announce themselves in."""
+
+
+def load_plugins(files: Iterable[Path] = ()) -> Registry:
+    """A registry with the parts of every installed plugin and of each plugin file in `files`.
+
+    Raises:
+        UserError: a file is not there. A plugin that fails in any other way becomes a `Failure`.
+    """
+    registry = Registry()
+    for distribution in sorted(distributions(), key=_name):
+        for point in distribution.entry_points:
+            if point.group == GROUP:
+                _register(registry, point.load, _name(distribution), distribution.version)
+    for file in files:
+        if not file.is_file():
+            raise UserError(f"--plugin {file}: there is no such file")
+        _register(registry, lambda file=file: _import_file(file), str(file), "file")
+    return registry
+
+
+def _name(distribution: Distribution) -> str:
+    return str(distribution.metadata["Name"])
+
+
+def _register(registry: Registry, load: Callable[[], object], owner: str, version: str) -> None:
+    """Load one plugin into the registry whole, or note its failure and leave the registry as it was."""
+    before = dict(registry.entries)
+    try:
+        manager = pluggy.PluginManager("pcsr")
+        manager.add_hookspecs(hookspecs)
+        manager.register(load())
+        manager.check_pending()  # a misspelt hook name is an error, not silence
+        if not manager.hook.pcsr_register.get_hookimpls():
+            raise UserError("it has no function pcsr_register marked @pcsr.hookimpl, so it registers nothing")
+        manager.hook.pcsr_register(register=Register(registry, owner, version))
+    except Exception as error:
+        registry.entries = before
+        registry.failures.append(Failure(owner, version, error))
+
+
+def _import_file(file: Path) -> ModuleType:
+    # A name of its own, so that two files called fusion.py don't collide.
+    name = f"pcsr_plugin_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise UserError(f"{file} is not a Python file: its name must end in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def why(registry: Registry, name: str) -> str:
+    """Why a part or plugin is or isn't there, as `pcsr plugins --why NAME` prints it."""
+    lines = [
+        f"{e.kind} '{e.name}' comes from {e.owner} {e.version} ({e.target if isinstance(e.target, str) else e.target.__name__})"
+        for e in registry
+        if name in (e.name, e.owner)
+    ]
+    failures = [f for f in registry.failures if name == f.owner]
+    if not lines and not failures:
+        lines.append(f"no installed plugin registers a part or is called '{name}'")
+        failures = registry.failures
+    for failure in failures:
+        lines.append(f"{failure.owner} {failure.version} failed to load: {type(failure.error).__name__}: {failure.error}")
+        if not isinstance(failure.error, PcsrError):
+            lines.append(_place(failure.error))
+    return "\n".join(lines)
+
+
+def _place(error: Exception) -> str:
+    """The file and line where a plugin failed, without our own frames."""
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    if isinstance(error, SyntaxError):
+        return f"  at {error.filename}:{error.lineno}"
+    return f"  at {place.tb_frame.f_code.co_filename}:{place.tb_lineno}" if place else ""

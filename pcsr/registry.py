@@ -1,0 +1,147 @@
+"""The registry: an object that knows each part by its kind and name, and who brought it."""
+
+import importlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from pcsr.errors import UserError, did_you_mean
+
+KINDS = {
+    "encoder": "Encoder",
+    "fusion": "Fusion",
+    "backbone": "Backbone",
+    "upsampler": "Upsampler",
+    "objective": "Objective",
+    "touch": "TouchSource",
+    "shapes": "Shapes",
+}
+"""Each kind of part and the name of its class in pcsr.contracts (which imports torch; this file does not)."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One registered part: `target` is its class, or text ``"module:Class"`` that is imported when asked for."""
+
+    kind: str
+    name: str
+    target: type | str
+    owner: str
+    version: str
+
+    def load(self) -> type:
+        """The part's class.
+
+        Raises:
+            UserError: it cannot be imported, or is not a part of this kind.
+        """
+        part = self.target
+        if isinstance(part, str):
+            module, _, attribute = part.partition(":")
+            try:
+                part = getattr(importlib.import_module(module), attribute)
+            except Exception as error:
+                raise UserError(
+                    f"{self.kind} '{self.name}' of {self.owner} cannot be loaded from '{self.target}': "
+                    f"{type(error).__name__}: {error}"
+                ) from error
+        contract = getattr(importlib.import_module("pcsr.contracts"), KINDS[self.kind])
+        if not (isinstance(part, type) and issubclass(part, contract)):
+            raise UserError(
+                f"{self.kind} '{self.name}' of {self.owner} is {part!r}, which is not a {contract.__name__}: "
+                f"derive it from pcsr.{contract.__name__}"
+            )
+        return part
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A plugin that could not be loaded. It stops nobody else; its error is kept to be shown and raised."""
+
+    owner: str
+    version: str
+    error: Exception
+
+
+@dataclass
+class Registry:
+    """All parts of one process. Made by `pcsr.plugins.load_plugins`, handed to whoever needs parts."""
+
+    entries: dict[tuple[str, str], Entry] = field(default_factory=dict)
+    failures: list[Failure] = field(default_factory=list)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(sorted(self.entries.values(), key=lambda e: (list(KINDS).index(e.kind), e.name)))
+
+    def names(self, kind: str) -> list[str]:
+        """The names of all parts of a kind, sorted."""
+        return sorted(name for k, name in self.entries if k == kind)
+
+    def add(self, entry: Entry) -> None:
+        """Add a part.
+
+        Raises:
+            UserError: the kind is unknown, or the name is taken; both owners are named.
+        """
+        if entry.kind not in KINDS:
+            raise UserError(f"'{entry.kind}' is not a kind of part: {did_you_mean(entry.kind, KINDS)}")
+        taken = self.entries.get((entry.kind, entry.name))
+        if taken is not None:
+            raise UserError(
+                f"{entry.kind} '{entry.name}' is registered twice, by {taken.owner} and by {entry.owner}: "
+                f"rename one of them"
+            )
+        self.entries[entry.kind, entry.name] = entry
+
+    def get(self, kind: str, name: str) -> type[Any]:
+        """The class of a part.
+
+        Raises:
+            UserError: no such part; the message offers the closest name and lists plugins that failed.
+        """
+        entry = self.entries.get((kind, name))
+        if entry is None:
+            failed = ", ".join(f.owner for f in self.failures)
+            hint = f" (these plugins failed to load: {failed}; see `pcsr plugins --why {name}`)" if failed else ""
+            raise UserError(f"there is no {kind} '{name}': {did_you_mean(name, self.names(kind))}{hint}")
+        return entry.load()
+
+
+@dataclass(frozen=True)
+class Register:
+    """What a plugin's hook is given: one method for each kind of part."""
+
+    registry: Registry
+    owner: str
+    version: str
+
+    def _add(self, kind: str, name: str, target: type | str) -> None:
+        self.registry.add(Entry(kind, name, target, self.owner, self.version))
+
+    def encoder(self, name: str, part: type | str) -> None:
+        """Register an encoder."""
+        self._add("encoder", name, part)
+
+    def fusion(self, name: str, part: type | str) -> None:
+        """Register a fusion."""
+        self._add("fusion", name, part)
+
+    def backbone(self, name: str, part: type | str) -> None:
+        """Register a backbone."""
+        self._add("backbone", name, part)
+
+    def upsampler(self, name: str, part: type | str) -> None:
+        """Register an upsampler."""
+        self._add("upsampler", name, part)
+
+    def objective(self, name: str, part: type | str) -> None:
+        """Register an objective."""
+        self._add("objective", name, part)
+
+    def touch(self, name: str, part: type | str) -> None:
+        """Register a touch source."""
+        self._add("touch", name, part)
+
+    def shapes(self, name: str, part: type | str) -> None:
+        """Register a source of shapes."""
+        self._add("shapes", name, part)
