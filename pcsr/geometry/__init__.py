@@ -1,0 +1,1 @@
+"""Points in space: neighbours, orders, samples, frames, interpolation. Pure functions, no state."""
