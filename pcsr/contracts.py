@@ -81,7 +81,8 @@ class Touches:
 class Part:
     """What every part has, whatever its kind."""
 
-    traits: ClassVar[frozenset[Trait]] = frozenset()
+    traits: frozenset[Trait] = frozenset()
+    """What the part claims; an instance may claim less than its class."""
 
 
 class Encoder(nn.Module, Part):

@@ -1,0 +1,141 @@
+"""The parts in a row: one network, whatever they are (TAPSR, Sec. 3.1, Fig. 1)."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
+from pcsr.errors import UserError
+from pcsr.geometry.sampling import farthest_points
+from pcsr.recipe import Recipe
+from pcsr.registry import Registry
+from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+
+
+class Network(nn.Module):
+    """Q = f(P, T): a sparse cloud and any number of touches to a cloud of `rate` times as many points."""
+
+    def __init__(
+        self,
+        encoder: Encoder,
+        touch_encoder: Encoder | None,
+        fusion: Fusion,
+        backbone: Backbone,
+        upsampler: Upsampler,
+    ) -> None:
+        super().__init__()
+        self.encoder = encoder
+        self.touch_encoder = touch_encoder
+        self.fusion = fusion
+        self.backbone = backbone
+        self.upsampler = upsampler
+
+    def forward(
+        self,
+        points: Points,
+        rate: int,
+        touches: TouchPoints | None = None,
+        mask: TouchMask | None = None,
+    ) -> Dense:
+        """Upsample a batch of clouds in the unit sphere.
+
+        Args:
+            points: (b n 3).
+            rate: output points for each input point.
+            touches: (b a m 3), in the frame of `points`; none by default.
+            mask: (b a), False where a row holds fewer than `a` touches; all True by default.
+
+        Returns:
+            (b rate·n 3), in the same frame.
+        """
+        n = points.shape[1]
+        if touches is not None and mask is None:
+            mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device)
+        cloud = points if touches is None or mask is None else self.fusion.join(points, touches, mask)
+        features = self.encoder(cloud)
+        if touches is not None and mask is not None and self.fusion.hears_features:
+            features = fuse(self.fusion, self.touch_encoder, cloud, features, touches, mask)
+        refined = self.backbone(cloud, features)
+        dense: Dense = self.upsampler(cloud, refined, rate)
+        return dense if dense.shape[1] == rate * n else _thin(dense, rate * n)
+
+    @property
+    def parameter_count(self) -> int:
+        """Number of weights."""
+        return sum(p.numel() for p in self.parameters())
+
+
+def fuse(
+    fusion: Fusion,
+    touch_encoder: Encoder | None,
+    points: Points,
+    features: Features,
+    touches: TouchPoints,
+    mask: TouchMask,
+) -> Features:
+    """Encode the touches and fold them into the features; rows without any touch keep theirs as they are.
+
+    So a fusion never meets a row without touches, where attention would divide zero by zero, and zero touches
+    give exactly the visual features, bit for bit.
+    """
+    touched = mask.any(1)
+    if not torch.compiler.is_exporting():
+        if not touched.any():
+            return features
+        if not touched.all():
+            fused = fuse(
+                fusion, touch_encoder, points[touched], features[touched], touches[touched], mask[touched]
+            )
+            return features.masked_scatter(touched[:, None, None], fused)
+    heard = Touches(touches, encode(touch_encoder, touches), mask)
+    result: Features = fusion(points, features, heard)
+    return result
+
+
+def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures:
+    """Features of each touched point; without an encoder the coordinates themselves."""
+    if touch_encoder is None:
+        return touches
+    features: Tensor = touch_encoder(touches.flatten(0, 1))
+    return features.unflatten(0, touches.shape[:2])
+
+
+def _thin(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
+    """Keep the `count` farthest points: joining raw touches to the cloud makes the upsampler give too many."""
+    rows = [
+        row[torch.from_numpy(farthest_points(row.detach().cpu().numpy(), count)).to(row.device)] for row in dense
+    ]
+    return torch.stack(rows)
+
+
+def build(recipe: Recipe, registry: Registry) -> Network:
+    """The network of a recipe, with the weights that its seed gives.
+
+    Raises:
+        UserError: parts that don't fit together, such as a fusion that needs touch features without a
+            `touch_encoder`.
+    """
+    parts = recipe.model
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(recipe.seed)
+        encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.data.rate))
+        touch_encoder = (
+            parts.touch_encoder.build(registry, "encoder", Widths(rate=recipe.data.rate))
+            if parts.touch_encoder
+            else None
+        )
+        widths = Widths(
+            visual=encoder.channels,
+            touch=touch_encoder.channels if touch_encoder else 3,
+            rate=recipe.data.rate,
+        )
+        fusion = parts.fusion.build(registry, "fusion", widths)
+        if touch_encoder is not None and not fusion.hears_features:
+            raise UserError(
+                f"fusion '{parts.fusion.use}' hears no touch features, so model.touch_encoder would never be used: "
+                f"remove it"
+            )
+        backbone = parts.backbone.build(registry, "backbone", widths)
+        refined = Widths(widths.visual, widths.touch, backbone.channels, widths.rate)
+        upsampler = parts.upsampler.build(registry, "upsampler", refined)
+    return Network(encoder, touch_encoder, fusion, backbone, upsampler)

@@ -1,0 +1,1 @@
+"""Backbones: they refine the fused features."""

@@ -1,0 +1,1 @@
+"""Fusions: touch into the visual features."""

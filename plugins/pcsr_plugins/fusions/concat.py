@@ -1,0 +1,41 @@
+"""Touch features concatenated with the visual ones (TAPSR, Sec. 4.4, Table 4, second row).
+
+"We removed the feature fusion module and directly concatenated the sparse features with the tactile features."
+Along the channels, as in the FF block's own Concat: each visual feature is followed by those of every touch,
+touches that are missing count as zeros, and one layer brings the width back to what the backbone takes.
+"""
+
+import torch
+from torch import nn
+
+from pcsr import Fusion, Touches, Trait, UserError, Widths
+from pcsr.tensors import Features, Points
+from pcsr_plugins.fusions.pairing import pair
+
+
+class Concat(Fusion):
+    """All touches side by side, in the order given."""
+
+    traits = frozenset({Trait.POINT_ORDER_FREE})
+
+    def __init__(self, widths: Widths, *, touches: int = 5) -> None:
+        super().__init__()
+        self.slots = touches
+        self.layer = nn.Linear(widths.visual + touches * widths.touch, widths.visual)
+
+    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+        """Concatenate and mix.
+
+        Raises:
+            UserError: there are more touches than slots.
+        """
+        count = touches.mask.shape[1]
+        if count > self.slots:
+            raise UserError(
+                f"fusion 'concat' has slots for {self.slots} touches, got {count}: set model.fusion.touches to {count}"
+            )
+        heard = pair(points, touches) * touches.mask[:, :, None, None]  # (b a n c)
+        heard = heard.transpose(1, 2).flatten(2)  # (b n a·c)
+        missing = heard.new_zeros(*heard.shape[:2], (self.slots - count) * touches.features.shape[-1])
+        fused: Features = self.layer(torch.cat([features, heard, missing], dim=-1))
+        return fused

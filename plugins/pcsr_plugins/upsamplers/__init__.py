@@ -1,0 +1,1 @@
+"""Upsamplers: features to more points."""
