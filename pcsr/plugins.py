@@ -27,12 +27,12 @@ def load_plugins(files: Iterable[Path] = ()) -> Registry:
     Raises:
         UserError: a file is not there. A plugin that fails in any other way becomes a `Failure`.
     """
-    registry = Registry()
+    registry = Registry(files=tuple(files))
     for distribution in sorted(distributions(), key=_name):
         for point in distribution.entry_points:
             if point.group == GROUP:
                 _register(registry, point.load, _name(distribution), distribution.version)
-    for file in files:
+    for file in registry.files:
         if not file.is_file():
             raise UserError(f"--plugin {file}: there is no such file")
         _register(registry, lambda file=file: _import_file(file), str(file), "file")

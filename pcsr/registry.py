@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
@@ -69,6 +70,8 @@ class Registry:
 
     entries: dict[tuple[str, str], Entry] = field(default_factory=dict)
     failures: list[Failure] = field(default_factory=list)
+    files: tuple[Path, ...] = ()
+    """Plugin files that were loaded: another process has to load them too."""
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(sorted(self.entries.values(), key=lambda e: (list(KINDS).index(e.kind), e.name)))

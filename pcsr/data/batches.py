@@ -1,0 +1,88 @@
+"""Batches for training: which objects, which of their touches, and how they are augmented (TAPSR, Sec. 4.2.2).
+
+Everything random follows from the seed, the step and the place in the batch. So a run that stops and goes on, or
+that is spread over several processes, sees the same numbers as one that does neither.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcsr.data.dataset import Split
+from pcsr.geometry.frames import UnitSphere
+
+SCALE = (0.8, 1.2)
+"""Random scaling, as in PU-GAN and those after it."""
+JITTER = 0.002
+"""Standard deviation of the noise on the sparse cloud, in radii of the unit sphere, cut off at three of them."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Clouds in the network's frame: the sparse cloud fills the unit sphere, before augmentation."""
+
+    points: Float[Tensor, "b n 3"]
+    touches: Float[Tensor, "b a m 3"]
+    truth: Float[Tensor, "b g 3"]
+
+
+@dataclass(frozen=True)
+class Batches:
+    """The batches of a training run, by number."""
+
+    split: Split
+    size: int
+    touches: tuple[int, int]
+    """Fewest and most touches; each batch draws its own number."""
+    augment: Sequence[str]
+    seed: int
+
+    @property
+    def per_epoch(self) -> int:
+        """Batches in an epoch; objects that don't fill one wait for another epoch's order."""
+        return max(1, len(self.split) // self.size)
+
+    def at(self, step: int, rank: int = 0, ranks: int = 1) -> Batch:
+        """The share of process `rank` in batch number `step`."""
+        epoch, place = divmod(step, self.per_epoch)
+        order = np.random.default_rng((self.seed, epoch)).permutation(len(self.split))
+        chosen = order[place * self.size : (place + 1) * self.size]
+        low, high = self.touches
+        count = int(np.random.default_rng((self.seed, step, 1)).integers(low, high + 1))
+        share = [i for i in range(len(chosen)) if i * ranks // len(chosen) == rank]
+        rows = [self._row(int(chosen[i]), count, np.random.default_rng((self.seed, step, 2, i))) for i in share]
+        points, touches, truth = (torch.stack(clouds) for clouds in zip(*rows, strict=True))
+        return Batch(points, touches, truth)
+
+    def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        truth = self.split.truth[item]
+        points = self.split.points[item]
+        if "redraw" in self.augment:
+            points = truth[torch.from_numpy(rng.choice(len(truth), len(points), replace=False))]
+        felt = self.split.touches[item]
+        felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
+        sphere = UnitSphere.fit(points.numpy())
+        clouds = [torch.from_numpy(sphere.apply(cloud.numpy())) for cloud in (points, felt, truth)]
+        if "rotate" in self.augment:
+            turn = torch.from_numpy(_rotation(rng))
+            clouds = [cloud @ turn for cloud in clouds]
+        if "scale" in self.augment:
+            factor = float(rng.uniform(*SCALE))
+            clouds = [cloud * factor for cloud in clouds]
+        points, felt, truth = clouds
+        if "jitter" in self.augment:
+            noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
+            points = points + torch.from_numpy(noise.astype(np.float32))
+        return points, felt, truth
+
+
+def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+    """A rotation drawn uniformly: the Q of a Gaussian matrix, signs fixed, without reflection."""
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    q[:, 0] *= np.sign(np.linalg.det(q))
+    return q.astype(np.float32)

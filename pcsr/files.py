@@ -1,0 +1,51 @@
+"""Writing files whole or not at all: into a neighbour first, then renamed over the target in one step."""
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pcsr.errors import RunError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` fill a temporary file beside `path`, which then takes its place.
+
+    Raises:
+        RunError: the disk is full, the folder can't be written, or anything else that the system reports.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(part)
+        os.replace(part, path)
+    except OSError as error:
+        raise RunError(f"{path} could not be written: {error.strerror or error}; what was there is unharmed") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole, in UTF-8."""
+    write_whole(path, lambda part: _write_text(part, text))
+
+
+def _write_text(part: Path, text: str) -> None:
+    part.write_text(text, encoding="utf-8")
+
+
+def save_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: dict[str, str]) -> None:
+    """Write a safetensors file whole."""
+    from safetensors import SafetensorError
+    from safetensors.torch import save_file
+
+    def write(part: Path) -> None:
+        try:
+            save_file({name: t.detach().cpu().contiguous() for name, t in tensors.items()}, part, metadata)
+        except SafetensorError as error:  # it wraps what the system said, a full disk included
+            raise OSError(str(error)) from error
+
+    write_whole(path, write)

@@ -1,0 +1,49 @@
+"""The frame that networks see: centred on the cloud, its farthest point on the unit sphere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.errors import UserError
+
+
+@dataclass(frozen=True)
+class UnitSphere:
+    """Maps a frame and unit of a person's own to the unit sphere and back.
+
+    The centre is subtracted in float64, before anything is rounded to float32, so that coordinates in the
+    millions of metres keep their precision.
+    """
+
+    centre: Float[np.ndarray, "3"]
+    radius: float
+
+    @classmethod
+    def fit(cls, points: Float[np.ndarray, "n 3"]) -> "UnitSphere":
+        """The sphere about the centroid that reaches the farthest point.
+
+        Raises:
+            UserError: the cloud is empty, not finite, or all on one spot.
+        """
+        if len(points) == 0:
+            raise UserError("the cloud has no points")
+        cloud = np.asarray(points, np.float64)
+        if not np.isfinite(cloud).all():
+            bad = int((~np.isfinite(cloud).all(axis=1)).sum())
+            raise UserError(f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them")
+        centre = cloud.mean(0)
+        radius = float(np.linalg.norm(cloud - centre, axis=1).max())
+        if radius == 0:
+            raise UserError(f"all {len(cloud)} points of the cloud lie on one spot, {centre.tolist()}")
+        return cls(centre, radius)
+
+    def apply(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
+        """Into the unit sphere; float32."""
+        inside: Float[np.ndarray, "*k 3"] = (points.astype(np.float64) - self.centre) / self.radius
+        return inside.astype(np.float32)
+
+    def undo(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
+        """Back to the original frame and unit; float64."""
+        original: Float[np.ndarray, "*k 3"] = points.astype(np.float64) * self.radius + self.centre
+        return original

@@ -1,0 +1,216 @@
+"""A recipe to a run folder: data, training, evaluation, results and report."""
+
+import datetime
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning_fabric import Fabric
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+import pcsr
+from pcsr import report, weights
+from pcsr.checkpoint import load_weights, read_card, save_weights
+from pcsr.data.build import load_or_build
+from pcsr.data.dataset import Split
+from pcsr.evaluate import Scores, evaluate, methods
+from pcsr.files import save_tensors, write_text
+from pcsr.metrics import METRICS
+from pcsr.model import Network
+from pcsr.recipe import Recipe
+from pcsr.registry import Registry
+from pcsr.train import train
+
+WEIGHTS = "weights.safetensors"
+RESULTS = "results.json"
+EXAMPLES = "examples.safetensors"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where to compute and where to keep things."""
+
+    runs: Path = Path("runs")
+    device: str = "auto"
+    devices: int = 1
+    nodes: int = 1
+    jobs: int | None = None
+    """Processes for data and metrics; all cores by default."""
+
+
+def run_folder(recipe: Recipe, place: Place) -> Path:
+    """The folder of a recipe: the same recipe comes back to it, another never does."""
+    return place.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"
+
+
+def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
+    """Do whatever of a recipe isn't done yet, and evaluate.
+
+    Training is skipped where finished weights of exactly this recipe are in the run folder or shipped.
+
+    Returns:
+        The results, which also stand in the run folder beside the report.
+    """
+    folder = run_folder(recipe, place)
+    fabric = _fabric(recipe, place)
+    with _progress(console, hidden=not fabric.is_global_zero) as progress:
+        network, source = _trained(recipe, registry, place, fabric, folder, progress)
+        if not fabric.is_global_zero:
+            return {}
+        test = _first(_data(recipe, registry, "test", place, progress), recipe.evaluate.objects)
+        network.to(fabric.device)
+        compared = methods(recipe, network)
+        task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
+        scores = evaluate(
+            recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task)
+        )
+    results = _results(recipe, test, scores, source)
+    _save_examples(folder / EXAMPLES, recipe, test, scores)
+    write_text(folder / RESULTS, json.dumps(results, indent=1))
+    report.write(folder)
+    return results
+
+
+def _trained(
+    recipe: Recipe, registry: Registry, place: Place, fabric: Fabric, folder: Path, progress: Progress
+) -> tuple[Network, dict[str, Any]]:
+    """The recipe's network with finished weights, and where they came from."""
+    for path, source in ((folder / WEIGHTS, "this run folder"), (weights.shipped(recipe.name), "shipped weights")):
+        if path.exists() and read_card(path)["fingerprint"] == recipe.fingerprint:
+            network, _, card = load_weights(path, registry)
+            return network, {**card["training"], "source": source}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
+    # One process builds the data, the others wait and read it.
+    if fabric.is_global_zero:
+        _data(recipe, registry, "train", place, progress)
+        _data(recipe, registry, "validation", place, progress)
+    fabric.barrier()
+    data = _data(recipe, registry, "train", place, progress)
+    validation = _data(recipe, registry, "validation", place, progress)
+    task = progress.add_task("training", total=None)
+    network = train(
+        recipe,
+        registry,
+        data,
+        validation,
+        folder,
+        fabric,
+        shown=lambda p: progress.update(
+            task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
+        ),
+    )
+    training = _training(folder, fabric)
+    if fabric.is_global_zero:
+        card = {
+            "name": recipe.name,
+            "fingerprint": recipe.fingerprint,
+            "data_fingerprint": recipe.data_fingerprint,
+            "recipe": recipe.resolved(),
+            "version": pcsr.__version__,
+            "training": training,
+        }
+        save_weights(folder / WEIGHTS, network, card)
+        (folder / "checkpoint.safetensors").unlink()
+    return network, {**training, "source": "trained by this run"}
+
+
+def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
+    """What the history says of a finished training."""
+    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text(encoding="utf-8").splitlines()]
+    steps = [line for line in lines if "loss" in line]
+    checks = [line["validation"] for line in lines if "validation" in line]
+    return {
+        "seconds": steps[-1]["seconds"],
+        "steps": steps[-1]["step"],
+        "device": f"{fabric.world_size} x {fabric.device.type}",
+        "threads": torch.get_num_threads(),
+        "validation": checks[-1] if checks else {},
+    }
+
+
+def _data(recipe: Recipe, registry: Registry, split: str, place: Place, progress: Progress) -> Split:
+    return load_or_build(recipe, registry, split, place.runs / "data", jobs=place.jobs, progress=progress)
+
+
+def _first(split: Split, count: int | None) -> Split:
+    return split if count is None else split.first(count)
+
+
+def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
+    data = recipe.data
+    return {
+        "name": recipe.name,
+        "fingerprint": recipe.fingerprint,
+        "seed": recipe.seed,
+        "version": pcsr.__version__,
+        "recipe": recipe.resolved(),
+        "data": {
+            "shapes": data.shapes.use,
+            "split": "test",
+            "points": data.points,
+            "truth": data.points * data.rate,
+            "rate": data.rate,
+            "touches": data.touches,
+            "sampling": data.sampling,
+            "normalisation": "compared in the frame in which the truth fills the unit sphere",
+            "object_size": data.touch.options.get("object_size"),
+            "coverage": split.coverage(data.touches),
+            "left_out": len(split.about["rejected"]),
+            "fingerprint": recipe.data_fingerprint,
+        },
+        "metrics": {
+            name: {"description": METRICS[name].description, "scale": METRICS[name].scale}
+            for name in recipe.evaluate.metrics
+        },
+        "objects": split.names,
+        "groups": split.groups,
+        "methods": [
+            {"name": s.method.name, "parameters": s.method.parameters, "seconds": s.seconds, "values": s.values}
+            for s in scores
+        ],
+        "training": source,
+        "hardware": {"cores": os.cpu_count(), "threads": torch.get_num_threads(), "torch": torch.__version__},
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _save_examples(path: Path, recipe: Recipe, split: Split, scores: Sequence[Scores]) -> None:
+    """The clouds that the report shows: the objects with the most touched surface would flatter, so the first ones."""
+    chosen = range(min(recipe.evaluate.examples, len(split)))
+    tensors = {}
+    for k in chosen:
+        tensors[f"{k}/input"] = split.points[k]
+        tensors[f"{k}/truth"] = split.truth[k]
+        if recipe.data.touches:
+            tensors[f"{k}/touches"] = split.touches[k][: recipe.data.touches].flatten(0, 1)
+        for s in scores:
+            tensors[f"{k}/{s.method.name}"] = torch.from_numpy(s.dense[k]).float()
+    save_tensors(path, tensors, {"names": json.dumps([split.names[k] for k in chosen])})
+
+
+def _fabric(recipe: Recipe, place: Place) -> Fabric:
+    many = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
+    fabric = Fabric(
+        accelerator="cuda" if place.device.startswith("cuda") else place.device if place.device != "auto" else "auto",
+        devices=place.devices,
+        num_nodes=place.nodes,
+        # A batch without touches leaves the fusion's weights without a gradient.
+        strategy="ddp_find_unused_parameters_true" if many else "auto",
+        precision=recipe.train.precision,
+    )
+    fabric.launch()
+    return fabric
+
+
+def _progress(console: Console, hidden: bool) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        console=console, disable=hidden, transient=True,
+    )

@@ -1,0 +1,230 @@
+"""Training: batches, objective, Adam, a learning rate that falls in steps (TAPSR, Sec. 4.2.2).
+
+On Lightning Fabric, so that several processes, nodes or GPUs and mixed precision go the same path as one CPU.
+"""
+
+import json
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning_fabric import Fabric
+from torch import nn
+
+from pcsr.checkpoint import load_training, save_training
+from pcsr.contracts import Objective
+from pcsr.data.batches import Batches
+from pcsr.data.dataset import Split
+from pcsr.errors import RunError, UserError
+from pcsr.files import write_text
+from pcsr.metrics.chamfer import chamfer
+from pcsr.model import Network, build
+from pcsr.recipe import Recipe
+from pcsr.registry import Registry
+from pcsr.upsample import upsample
+
+CHECKPOINT = "checkpoint.safetensors"
+HISTORY = "metrics.jsonl"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a training run stands, after each step."""
+
+    step: int
+    steps: int
+    loss: float
+    seconds: float
+    """Since this process began to train; what went before a stop is not in it."""
+
+
+class _Training(nn.Module):
+    """Network and objective behind one forward, which is what a data-parallel wrapper hooks into."""
+
+    def __init__(self, network: Network, objective: Objective) -> None:
+        super().__init__()
+        self.network = network
+        self.objective = objective
+
+    def forward(self, points: torch.Tensor, touches: torch.Tensor, truth: torch.Tensor, rate: int) -> Any:
+        dense = self.network(points, rate, touches if touches.shape[1] else None)
+        return self.objective(dense, truth)
+
+
+def train(
+    recipe: Recipe,
+    registry: Registry,
+    data: Split,
+    validation: Split,
+    run: Path,
+    fabric: Fabric,
+    *,
+    shown: Callable[[Progress], None] = lambda progress: None,
+    checkpoint_every: float = 60.0,
+) -> Network:
+    """Train a recipe's network, from the last checkpoint in `run` if there is one.
+
+    Args:
+        recipe: the resolved recipe.
+        registry: where its parts come from.
+        data: what to train on.
+        validation: measured ten times on the way.
+        run: takes the checkpoint and `metrics.jsonl`.
+        fabric: launched; says where to compute, with how many processes, in which precision.
+        shown: called after each step.
+        checkpoint_every: seconds between checkpoints.
+
+    Returns:
+        The trained network in `eval` mode. The checkpoint stays in `run`.
+
+    Raises:
+        KeyboardInterrupt: somebody stopped it; the checkpoint of that very step is written first.
+        RunError: the loss is not finite.
+    """
+    settings = recipe.train
+    if settings.batch % fabric.world_size:
+        raise UserError(
+            f"train.batch is {settings.batch}, which {fabric.world_size} processes cannot share equally: "
+            f"make it a multiple of {fabric.world_size}"
+        )
+    batches = Batches(data, min(settings.batch, len(data)), recipe.touch_range, settings.augment, recipe.seed)
+    network = build(recipe, registry)
+    model = _Training(network, settings.objective.build(registry, "objective"))
+    optimizer = _optimizer(recipe, model)
+    checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
+    step, before = 0, 0.0
+    if checkpoint.exists():
+        about = load_training(checkpoint, model, optimizer)
+        step, before = about["step"], about["seconds"]
+    history.cut(step)
+    wrapped, optimizer = fabric.setup(model, optimizer)
+    steps = settings.epochs * batches.per_epoch
+    every = max(1, settings.epochs // 10) * batches.per_epoch
+    start = saved = time.monotonic()
+
+    def save() -> None:
+        if fabric.is_global_zero:
+            about = {"step": step, "seconds": before + time.monotonic() - start}
+            save_training(checkpoint, model, optimizer, about)
+
+    with _stoppable() as stop:
+        while step < steps:
+            rate = learning_rate(recipe, step // batches.per_epoch)
+            losses = _step(wrapped, optimizer, fabric, batches, step, rate, recipe.data.rate)
+            step += 1
+            total = sum(losses.values())
+            if not math.isfinite(total):
+                raise RunError(
+                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.rate, or look into the "
+                    f"parts; the checkpoint before it is kept in {checkpoint}"
+                )
+            seconds = time.monotonic() - start
+            if fabric.is_global_zero:
+                epoch = step // batches.per_epoch
+                history.add(
+                    {"step": step, "epoch": epoch, "loss": total, "losses": losses, "rate": rate,
+                     "seconds": round(before + seconds, 2)}
+                )
+                if step % every == 0 or step == steps:
+                    history.add({"epoch": epoch, "step": step, "validation": {"cd": validate(network, validation, recipe)}})
+                shown(Progress(step, steps, total, seconds))
+            if stop.is_set():
+                save()
+                raise KeyboardInterrupt
+            if time.monotonic() - saved > checkpoint_every:
+                save()
+                saved = time.monotonic()
+        save()
+    return network.eval()
+
+
+def _step(
+    model: Any, optimizer: Any, fabric: Fabric, batches: Batches, step: int, rate: float, upsampling: int
+) -> dict[str, float]:
+    """One step of all processes together; the losses are those of the whole batch."""
+    batch = batches.at(step, fabric.global_rank, fabric.world_size)
+    for group in optimizer.param_groups:
+        group["lr"] = rate
+    clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.touches, batch.truth))
+    losses = model(*clouds, upsampling)
+    optimizer.zero_grad()
+    fabric.backward(sum(losses.values()))
+    optimizer.step()
+    # One number each, averaged over processes: the mean of equal shares is the mean of the batch.
+    return {name: float(fabric.all_reduce(loss.detach(), reduce_op="mean")) for name, loss in losses.items()}
+
+
+def learning_rate(recipe: Recipe, epoch: int) -> float:
+    """The learning rate of an epoch: it falls by the factor `decay` every `decay_every` epochs."""
+    settings = recipe.train
+    every = settings.decay_every or max(1, settings.epochs // 10)
+    return float(settings.rate * settings.decay ** (epoch // every))
+
+
+@torch.no_grad()
+def validate(network: Network, split: Split, recipe: Recipe) -> float:
+    """Mean Chamfer distance over a split, with the recipe's number of touches, in the truth's unit sphere."""
+    network.eval()
+    values = []
+    for i in range(len(split)):
+        touches = list(split.touches[i][: recipe.data.touches].numpy())
+        dense = upsample(network, split.points[i].numpy(), recipe.data.rate, touches)
+        values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
+    network.train()
+    return sum(values) / len(values)
+
+
+def _optimizer(recipe: Recipe, model: nn.Module) -> torch.optim.Optimizer:
+    kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
+    return kinds[recipe.train.optimizer](model.parameters(), lr=recipe.train.rate)
+
+
+class History:
+    """`metrics.jsonl`: a line a step, and one for each validation."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Append a line."""
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+        except OSError as error:
+            raise RunError(f"{self.path} could not be written: {error.strerror}; free some space, run again") from error
+
+    def cut(self, step: int) -> None:
+        """Forget what came after a step, since training goes on from there; a torn last line goes too."""
+        if not self.path.exists():
+            return
+        kept = []
+        for line in self.path.read_text(encoding="utf-8").splitlines():
+            try:
+                if json.loads(line)["step"] <= step:
+                    kept.append(line + "\n")
+            except ValueError:
+                break
+        write_text(self.path, "".join(kept))
+
+
+@contextmanager
+def _stoppable() -> Iterator[threading.Event]:
+    """Ctrl-C or a polite kill sets the event; the step in hand ends first."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    old = [signal.signal(s, lambda *_: stop.set()) for s in signals]
+    try:
+        yield stop
+    finally:
+        for s, handler in zip(signals, old, strict=True):
+            signal.signal(s, handler)

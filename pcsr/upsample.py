@@ -1,0 +1,45 @@
+"""From a person's cloud to a dense one: into the network's frame, through the network, and back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from pcsr.errors import RunError, UserError
+from pcsr.geometry.frames import UnitSphere
+from pcsr.model import Network
+
+
+@torch.inference_mode()
+def upsample(
+    network: Network,
+    points: Float[np.ndarray, "n 3"],
+    rate: int,
+    touches: Sequence[Float[np.ndarray, "m 3"]] = (),
+) -> Float[np.ndarray, "rn 3"]:
+    """Upsample one cloud in one pass, as TAPSR does.
+
+    Args:
+        network: in `eval` mode.
+        points: the sparse cloud, in any frame and unit.
+        rate: output points for each input point.
+        touches: touched points in the frame and unit of `points`, the same number for each touch.
+
+    Returns:
+        The dense cloud in the frame and unit of `points`, float64.
+
+    Raises:
+        UserError: a cloud that is empty or not finite, or touches of different sizes.
+        RunError: the network gave something that is not finite.
+    """
+    if len({len(touch) for touch in touches}) > 1:
+        raise UserError(f"touches: expected one size, got {[len(touch) for touch in touches]} points")
+    sphere = UnitSphere.fit(points)
+    device = next(network.parameters()).device
+    cloud = torch.from_numpy(sphere.apply(points))[None].to(device)
+    felt = torch.from_numpy(np.stack([sphere.apply(t) for t in touches]))[None].to(device) if len(touches) else None
+    dense = sphere.undo(network(cloud, rate, felt)[0].float().cpu().numpy())
+    if not np.isfinite(dense).all():
+        raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
+    return dense

@@ -1,0 +1,1 @@
+"""Touch sources: simulated or recorded."""
