@@ -1,0 +1,189 @@
+"""What a recipe may say: its sections as pydantic models, and each part's options read off its constructor."""
+
+import hashlib
+import inspect
+import json
+import typing
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+
+from pcsr.registry import Registry
+
+
+AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+"""YAML has lists only; a value that must not change is a tuple."""
+
+
+class Section(BaseModel):
+    """A part of a recipe that knows its keys: an unknown one is a mistake."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class PartSpec(Section):
+    """A part by name with its options; once checked, all of its options."""
+
+    use: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    def build(self, registry: Registry, kind: str, *host: Any) -> Any:
+        """An instance of the part; `host` is what the host hands in, such as `Widths`."""
+        return registry.get(kind, self.use)(*host, **self.options)
+
+
+class Data(Section):
+    """The objects, their clouds and their touches."""
+
+    shapes: PartSpec
+    touch: PartSpec
+    touches: Annotated[int, Field(ge=0, le=16)] = 4
+    """Touches of each object at evaluation."""
+    points: Annotated[int, Field(ge=16)] = 512
+    """Points of the sparse cloud."""
+    rate: Annotated[int, Field(ge=1, le=64)] = 16
+    """Points of the truth for each of them."""
+    sampling: Literal["random", "poisson", "fps"] = "random"
+    """How the sparse cloud is drawn from the truth."""
+
+
+class Model(Section):
+    """The parts of the network."""
+
+    encoder: PartSpec
+    touch_encoder: PartSpec | None = None
+    fusion: PartSpec
+    backbone: PartSpec
+    upsampler: PartSpec
+
+
+Count = Annotated[int, Field(ge=0, le=16)]
+Augmentation = Literal["rotate", "scale", "jitter", "redraw"]
+
+
+class Train(Section):
+    """How the network is trained."""
+
+    objective: PartSpec
+    epochs: Annotated[int, Field(ge=1)] = 300
+    batch: Annotated[int, Field(ge=1)] = 32
+    optimizer: Literal["adam", "adamw"] = "adam"
+    rate: Annotated[float, Field(gt=0)] = 1e-3
+    """Learning rate of the first epoch."""
+    decay: Annotated[float, Field(gt=0, le=1)] = 0.7
+    """Factor of the learning rate every `decay_every` epochs."""
+    decay_every: Annotated[int, Field(ge=1)] | None = None
+    """None: a tenth of the epochs."""
+    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE] = ("redraw", "rotate", "scale", "jitter")
+    touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
+    """One number, or the least and the most, drawn for each batch; None: as at evaluation."""
+    precision: Literal["32-true", "bf16-mixed", "16-mixed"] = "32-true"
+
+
+class Evaluate(Section):
+    """What is measured, and beside what."""
+
+    metrics: Annotated[tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)] = (
+        "cd",
+        "hd",
+        "emd",
+    )
+    beside: Annotated[tuple[Literal["midpoint"], ...], AS_TUPLE] = ("midpoint",)
+    objects: Annotated[int, Field(ge=1)] | None = None
+    """The first so many of the test split; None: all."""
+    examples: Annotated[int, Field(ge=0, le=16)] = 4
+    """Objects that the report shows."""
+
+
+class Recipe(Section):
+    """Everything that decides a run."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
+    seed: Annotated[int, Field(ge=0)] = 0
+    data: Data
+    model: Model
+    train: Train
+    evaluate: Evaluate = Evaluate()
+
+    @property
+    def touch_range(self) -> tuple[int, int]:
+        """Fewest and most touches in training."""
+        touches = self.train.touches
+        if touches is None:
+            touches = self.data.touches
+        return (touches, touches) if isinstance(touches, int) else touches
+
+    @property
+    def most_touches(self) -> int:
+        """Touches that each object of the data must have."""
+        return max(self.touch_range[1], self.data.touches)
+
+    def resolved(self) -> dict[str, Any]:
+        """Plain data with every default filled in, in the form of a recipe file."""
+        return _flat(self.model_dump(mode="json"))
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of all that decides the weights: neither the name nor the evaluation does."""
+        plain = self.resolved()
+        data = {key: value for key, value in plain["data"].items() if key != "touches"}
+        train = plain["train"] | {"touches": list(self.touch_range)}
+        return _hash({"seed": self.seed, "data": data, "model": plain["model"], "train": train})
+
+    @property
+    def data_fingerprint(self) -> str:
+        """Hash of all that decides the data set."""
+        return _hash({"seed": self.seed, "data": self.resolved()["data"] | {"touches": self.most_touches}})
+
+
+DEFAULTS: dict[str, Any] = {
+    "data": {"shapes": "cad-parts", "touch": "digit"},
+    "model": {
+        "encoder": {"use": "unet", "channels": 128},
+        "touch_encoder": {"use": "unet", "channels": 32},
+        "fusion": "iterative",
+        "backbone": "pu-transformer",
+        "upsampler": "shuffle",
+    },
+    "train": {"objective": "chamfer"},
+}
+"""Parts that a recipe need not name. The model is TAPSR's, but a recipe that has a `model` names all its parts."""
+
+
+def _flat(node: Any) -> Any:
+    """`{use, options: {…}}` to the form that people write: `{use, …}`."""
+    if isinstance(node, dict):
+        if node.keys() == {"use", "options"}:
+            return {"use": node["use"], **node["options"]}
+        return {key: _flat(value) for key, value in node.items()}
+    return node
+
+
+def _hash(plain: Any) -> str:
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+
+
+def options_model(part: type) -> type[BaseModel]:
+    """The options of a part as a model: the keyword-only parameters of its constructor.
+
+    Lists are taken for tuples.
+
+    Raises:
+        TypeError: a parameter has no type.
+    """
+    hints = typing.get_type_hints(part.__init__, include_extras=True)  # type: ignore[misc]
+    fields: dict[str, Any] = {}
+    for name, parameter in inspect.signature(part.__init__).parameters.items():  # type: ignore[misc]
+        if parameter.kind is not parameter.KEYWORD_ONLY:
+            continue
+        if name not in hints:
+            raise TypeError(f"option '{name}' of {part.__name__} has no type: annotate it in its constructor")
+        default = ... if parameter.default is parameter.empty else parameter.default
+        hint = Annotated[hints[name], AS_TUPLE] if _holds_tuple(hints[name]) else hints[name]
+        fields[name] = (hint, default)
+    config = ConfigDict(extra="forbid", strict=True)
+    return create_model(part.__name__, __config__=config, **fields)
+
+
+def _holds_tuple(hint: Any) -> bool:
+    return typing.get_origin(hint) is tuple or any(_holds_tuple(inner) for inner in typing.get_args(hint))
