@@ -1,0 +1,1 @@
+"""Shapes: where the objects come from."""
