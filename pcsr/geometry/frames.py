@@ -27,15 +27,22 @@ class UnitSphere:
             UserError: the cloud is empty, not finite, or all on one spot.
         """
         if len(points) == 0:
-            raise UserError("the cloud has no points")
+            raise UserError("the cloud has no points: there is nothing to fit a frame to")
         cloud = np.asarray(points, np.float64)
         if not np.isfinite(cloud).all():
             bad = int((~np.isfinite(cloud).all(axis=1)).sum())
-            raise UserError(f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them")
+            raise UserError(
+                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
+            )
+        if (
+            cloud == cloud[0]
+        ).all():  # the radius would not do: a mean of equal numbers may be off by one bit
+            raise UserError(
+                f"all {len(cloud)} points of the cloud lie on one spot, {cloud[0].tolist()}: "
+                f"a cloud needs an extent to be scaled"
+            )
         centre = cloud.mean(0)
         radius = float(np.linalg.norm(cloud - centre, axis=1).max())
-        if radius == 0:
-            raise UserError(f"all {len(cloud)} points of the cloud lie on one spot, {centre.tolist()}")
         return cls(centre, radius)
 
     def apply(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:

@@ -1,5 +1,7 @@
 """Drawing points: from a surface, evenly or not, and from a cloud."""
 
+import math
+
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
@@ -9,6 +11,10 @@ from pcsr.errors import UserError
 
 CANDIDATES = 5
 """Random points drawn for each blue-noise point that is kept."""
+SURPLUS = 0.005
+"""The radius of a blue-noise cloud is good enough when at most this part of its points is too many."""
+TRIALS = 30
+"""Radii tried for that."""
 
 
 def surface_points(
@@ -24,10 +30,13 @@ def surface_points(
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     total = area.sum()
     if not (np.isfinite(total) and total > 0):
-        raise UserError(f"the mesh has {len(triangles)} triangles of area {total / 2:g} in all: nothing to sample")
+        raise UserError(
+            f"the mesh has {len(triangles)} triangles of area {total / 2:g} in all: nothing to sample"
+        )
     face = np.searchsorted(np.cumsum(area) / total, rng.random(count), side="right").clip(max=len(area) - 1)
     weight = rng.random((count, 2))
-    weight = np.where(weight.sum(1, keepdims=True) > 1, 1 - weight, weight)  # fold the square onto the triangle
+    outside = weight.sum(1, keepdims=True) > 1
+    weight = np.where(outside, 1 - weight, weight)  # fold the square onto the triangle
     points: Float[np.ndarray, "count 3"] = triangles[face, 0] + np.einsum("nk,nkd->nd", weight, edges[face])
     return points
 
@@ -37,41 +46,57 @@ def poisson_points(
 ) -> Float[np.ndarray, "count 3"]:
     """Exactly `count` blue-noise points of a surface: none much nearer to another than all the rest.
 
-    Random candidates thinned as in `poisson_subset`.
+    Random candidates thinned as in `poisson_subset`; in the mesh's frame and unit.
+
+    Raises:
+        UserError: the surface has no area.
     """
     candidates = surface_points(mesh, CANDIDATES * count, rng)
-    return candidates[poisson_subset(candidates, count, rng)]
+    chosen: Float[np.ndarray, "count 3"] = candidates[poisson_subset(candidates, count, rng)]
+    return chosen
 
 
 def poisson_subset(
     points: Float[np.ndarray, "n 3"], count: int, rng: np.random.Generator
 ) -> Int[np.ndarray, " count"]:
-    """Indices of exactly `count` points that keep as large a distance from each other as goes.
+    """Indices of exactly `count` points that keep about as large a distance from each other as goes.
 
-    Dart throwing, all darts at once: a point stays if no point of higher (random) rank within the radius stays.
-    The radius is searched by bisection until slightly more than `count` stay; the last ranks of those go.
+    Dart throwing, all darts at once: a point stays if no point of higher (random) rank near it stays.
+    The radius is searched until slightly more than `count` stay; the last ranks of those go.
 
     Raises:
         UserError: there are fewer than `count` points.
     """
-    if count > len(points):
-        raise UserError(f"{count} points were asked of a cloud of {len(points)}")
-    rank = rng.permutation(len(points))
+    n = len(points)
+    if count > n:
+        raise UserError(f"{count} points were asked of a cloud of {n}: ask for fewer")
+    rank = rng.permutation(n)
+    kept = np.arange(n)
+    if count == n or count == 0:
+        return kept[:count]
     tree = cKDTree(points)
-    spacing = tree.query(points, k=2)[0][:, 1].mean()
-    low, high = 0.0, np.inf
-    radius = 1.4 * spacing * (len(points) / count) ** 0.5  # about right on a surface of random points
-    kept = np.arange(len(points))
-    for _ in range(20):
+    low, high = 0.0, math.inf
+    radius = _likely_radius(tree, count)
+    for _ in range(TRIALS):
         trial = _throw(tree, rank, radius)
-        if len(trial) >= count:
-            low, kept = radius, trial
-            if len(trial) <= 1.005 * count:
-                break
-        else:
+        if len(trial) < count:
             high = radius
-        radius = 1.1 * low if np.isinf(high) else max((low + high) / 2, high / 1.1)
+        else:
+            low, kept = radius, trial
+            if len(trial) <= (1 + SURPLUS) * count:
+                break
+        # On a surface the number falls with the square of the radius.
+        guess = radius * (len(trial) / ((1 + SURPLUS / 2) * count)) ** 0.5
+        radius = guess if low < guess < high else (low + high) / 2
     return kept[np.argsort(rank[kept])[:count]]
+
+
+def _likely_radius(tree: cKDTree, count: int) -> float:
+    """About the right radius on an evenly sampled surface; elsewhere a start."""
+    k = min(tree.n // count, 16)
+    gap = tree.query(tree.data, k=[k + 1])[0]
+    typical = np.median(gap) or gap.mean() or np.ptp(tree.data, axis=0).max() / tree.n
+    return float(1.4 * typical * (tree.n / count / k) ** 0.5)
 
 
 def _throw(tree: cKDTree, rank: Int[np.ndarray, " n"], radius: float) -> Int[np.ndarray, " kept"]:
@@ -80,38 +105,49 @@ def _throw(tree: cKDTree, rank: Int[np.ndarray, " n"], radius: float) -> Int[np.
     first = np.where(rank[pairs[:, 0]] < rank[pairs[:, 1]], pairs[:, 0], pairs[:, 1])
     second = pairs.sum(1) - first
     alive = np.ones(len(rank), bool)
-    undecided = alive.copy()
     while len(first):
-        # A point that nobody undecided outranks stays, and those that it outranks go.
+        # A point that nobody alive outranks stays, and those that it outranks go.
         outranked = np.zeros(len(rank), bool)
         outranked[second] = True
-        stays = undecided & ~outranked
-        alive[second[stays[first]]] = False
-        undecided &= alive & ~stays
-        open_pairs = undecided[first] & undecided[second]
-        first, second = first[open_pairs], second[open_pairs]
+        alive[second[~outranked[first]]] = False
+        undecided = alive[first] & alive[second]
+        first, second = first[undecided], second[undecided]
     return np.flatnonzero(alive)
 
 
-def farthest_points(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, " count"]:
-    """Farthest point sampling: each point the one farthest from all before it. Exact.
+def farthest_points(
+    points: Float[np.ndarray, "n 3"], count: int, start: int | None = None
+) -> Int[np.ndarray, " count"]:
+    """Farthest point sampling: each point the one farthest from all before it.
 
-    The first is the point farthest from the centroid, so that the result does not depend on the order of the
-    points (up to exact ties).
+    Which points are chosen does not depend on their order: the first is the one farthest from the centroid,
+    and of equally far ones the first by x, then y, then z is taken. Distances are compared in float32, after
+    the centroid was subtracted.
+
+    Args:
+        points: a cloud; points may coincide.
+        count: how many to choose.
+        start: index of the first; by default the point farthest from the centroid.
 
     Raises:
-        UserError: there are fewer than `count` points.
+        UserError: there are fewer than `count` points, or no point `start`.
     """
     n = len(points)
-    if count > n:
-        raise UserError(f"{count} points were asked of a cloud of {n}")
-    x, y, z = np.ascontiguousarray((points - points.mean(0)).T, dtype=np.float32)
-    nearest = np.full(n, np.inf, np.float32)
+    if not 0 <= count <= n:
+        raise UserError(f"{count} points were asked of a cloud of {n}: ask for fewer")
+    if start is not None and not 0 <= start < n:
+        raise UserError(f"farthest points cannot start at point {start} of a cloud of {n}")
     chosen = np.zeros(count, np.int64)
-    chosen[0] = np.argmax(x * x + y * y + z * z)
+    if count == 0:
+        return chosen
+    by_place = np.lexsort(points.T[::-1])
+    cloud = np.asarray(points, np.float64)[by_place]
+    x, y, z = np.ascontiguousarray((cloud - cloud.mean(0)).T, np.float32)
+    last = np.argmax(x * x + y * y + z * z) if start is None else np.flatnonzero(by_place == start)[0]
+    chosen[0] = last
+    nearest = np.full(n, np.inf, np.float32)
     distance, term = np.zeros(n, np.float32), np.zeros(n, np.float32)
     for i in range(1, count):
-        last = chosen[i - 1]
         np.subtract(x, x[last], out=distance)
         np.multiply(distance, distance, out=distance)
         for axis in (y, z):
@@ -119,5 +155,6 @@ def farthest_points(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndar
             np.multiply(term, term, out=term)
             np.add(distance, term, out=distance)
         np.minimum(nearest, distance, out=nearest)
-        chosen[i] = nearest.argmax()
-    return chosen
+        nearest[last] = -1  # never twice, even where all that is left coincides with chosen ones
+        last = chosen[i] = nearest.argmax()
+    return by_place[chosen]

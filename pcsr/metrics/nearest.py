@@ -15,25 +15,49 @@ CHUNK = 1024
 def nearest(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> Int[Tensor, "b s"]:
     """Index of the target point nearest to each source point, exact; not differentiable.
 
-    A k-d tree on the CPU, 100 times faster than all distances at 8192 points; all distances in chunks elsewhere.
+    A k-d tree on the CPU, 100 times faster than all distances at 8192 points; elsewhere all, in chunks.
 
     Raises:
-        RunError: a coordinate is not finite.
+        RunError: a cloud is empty, or a coordinate is not finite.
     """
-    for name, cloud in (("first", source), ("second", target)):
-        if not torch.isfinite(cloud).all():
-            raise RunError(
-                f"the {name} of two compared clouds has coordinates that are not finite: if a network made it, "
-                f"its training diverged; lower train.rate"
-            )
+    require_finite(source, target)
     if source.device.type == "cpu":
+        # One thread: starting more costs as much as they save, and evaluation runs several processes.
         rows = [
-            cKDTree(t.double().numpy()).query(s.double().numpy(), workers=torch.get_num_threads())[1]
+            torch.from_numpy(cKDTree(t.double().numpy()).query(s.double().numpy(), workers=1)[1])
             for s, t in zip(source, target, strict=True)
         ]
-        return torch.stack([torch.from_numpy(row) for row in rows])
+        return torch.stack(rows)
     chunks = [
         torch.cdist(part, target, compute_mode="donot_use_mm_for_euclid_dist").argmin(-1)
-        for part in source.split(CHUNK, dim=1)
+        for part in torch.split(source, CHUNK, dim=1)
     ]
     return torch.cat(chunks, dim=1)
+
+
+def nearest_squared(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, "b s"]:
+    """Squared distance from each source point to the nearest target point; differentiable in both.
+
+    Raises:
+        RunError: a cloud is empty, or a coordinate is not finite.
+    """
+    index = nearest(source, target)  # which point is nearest does not change under a small step: no gradient
+    met = target.gather(1, index.unsqueeze(-1).expand(-1, -1, 3))
+    return torch.sum((source - met).square(), dim=-1)
+
+
+def require_finite(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> None:
+    """Stop where a tree would hang or an average would turn into nan.
+
+    Raises:
+        RunError: a cloud is empty, or a coordinate is not finite.
+    """
+    for name, cloud in (("first", prediction), ("second", target)):
+        if cloud.shape[1] == 0:
+            raise RunError(f"the {name} of two compared clouds has no points: there is nothing to measure")
+        bad = int((~torch.isfinite(cloud)).any(-1).sum())
+        if bad:
+            raise RunError(
+                f"the {name} of two compared clouds has {bad} points that are not finite: if a network made "
+                f"it, its training diverged; lower train.rate"
+            )

@@ -1,18 +1,19 @@
 """Checking a recipe: every mistake at once, each with its place and the fix."""
 
-import copy
+import json
 from collections.abc import Callable
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.recipe.compose import PARTS
+from pcsr.recipe.compose import PARTS, merge
 from pcsr.recipe.schema import DEFAULTS, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
 Locate = Callable[[Keys, bool], Place]
+"""Where a value stands, or the key of one."""
 
 
 def check(source: Source, registry: Registry) -> Recipe:
@@ -21,55 +22,62 @@ def check(source: Source, registry: Registry) -> Recipe:
     Raises:
         RecipeError: it has mistakes; all of them.
     """
-    data = _with_defaults(source.data)
+    data = _with_defaults(source)
     mistakes: list[Mistake] = []
-    for keys in sorted(PARTS):
-        section = data.get(keys[0])
-        if isinstance(section, dict) and section.get(keys[1]) is not None:
-            section[keys[1]] = _part(source, registry, keys, section[keys[1]], mistakes)
+    for keys, kind in PARTS.items():
+        section = data.get(str(keys[0]))
+        optional = keys == ("model", "touch_encoder")
+        if isinstance(section, dict) and keys[1] in section and not (optional and section[keys[1]] is None):
+            section[keys[1]] = _part(source, registry, keys, kind, section[keys[1]], mistakes)
     recipe: Recipe | None = None
     try:
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
         mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.place(keys, of_name=name))
-    if recipe is not None:
-        mistakes += _contradictions(source, recipe)
+    # What could not be read is no value: that it has the wrong type too is no second mistake.
+    unread = {mistake.place for mistake in source.mistakes}
+    mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.place not in unread)]
+    if recipe is not None and not mistakes:
+        mistakes = _contradictions(source, recipe, registry)
     if mistakes or recipe is None:
         raise RecipeError(mistakes)
     return recipe
 
 
-def _with_defaults(data: dict[str, Any]) -> dict[str, Any]:
-    filled = copy.deepcopy(data)
-    for section, defaults in DEFAULTS.items():
-        if section == "model":
-            filled.setdefault(section, copy.deepcopy(defaults))
-        elif isinstance(filled.setdefault(section, {}), dict):
-            filled[section] = {**copy.deepcopy(defaults), **filled[section]}
-    return filled
+def _with_defaults(source: Source) -> dict[str, Any]:
+    defaults = {section: parts for section, parts in DEFAULTS.items() if section not in source.data}
+    defaults |= {section: DEFAULTS[section] for section in ("data", "train")}
+    return merge(Source(defaults, {(): source.values[()]}), source).data
 
 
-def _part(source: Source, registry: Registry, keys: Keys, value: Any, mistakes: list[Mistake]) -> dict[str, Any]:
+def _part(
+    source: Source, registry: Registry, keys: Keys, kind: str, written: Any, mistakes: list[Mistake]
+) -> dict[str, Any]:
     """A part's spec with all its options; what is wrong with it goes into `mistakes`."""
-    kind = {"touch_encoder": "encoder"}.get(str(keys[-1]), str(keys[-1]))
-    written = {"use": value} if isinstance(value, str) else value
     blank = {"use": "", "options": {}}
     if not isinstance(written, dict) or not isinstance(written.get("use"), str):
-        text = f"{keys[-1]}: name the part, as `{keys[-1]}: {(registry.names(kind) or ['name'])[0]}` or with `use:`"
+        example = next(iter(registry.names(kind)), "name")
+        text = f"{'.'.join(map(str, keys))}: name the part, as `{keys[-1]}: {example}` or with `use:`"
         mistakes.append(Mistake(source.place(keys), text))
         return blank
     name = written["use"]
-    place = source.place((*keys, "use") if isinstance(value, dict) else keys)
     try:
         model = options_model(registry.get(kind, name))
-    except (UserError, TypeError) as error:
-        mistakes.append(Mistake(place, str(error)))
+    except UserError as error:
+        mistakes.append(Mistake(source.place((*keys, "use")), str(error)))
+        return blank
+    except Exception as error:  # a constructor whose types can't be read is its author's mistake, not ours
+        text = f"the options of {kind} '{name}' cannot be read off its constructor: {error}"
+        mistakes.append(Mistake(source.place((*keys, "use")), text))
         return blank
     options = {key: option for key, option in written.items() if key != "use"}
     try:
-        checked = model.model_validate(options)
+        checked = model.model_validate_json(json.dumps(options))
     except ValidationError as error:
-        locate: Locate = lambda inner, of_name: source.place((*keys, *inner), of_name=of_name)  # noqa: E731
+
+        def locate(inner: Keys, of_name: bool) -> Place:
+            return source.place((*keys, *inner), of_name=of_name)
+
         mistakes += _mistakes(error, options, model, (f"{kind} '{name}'",), locate)
         return blank
     return {"use": name, "options": {key: getattr(checked, key) for key in type(checked).model_fields}}
@@ -84,10 +92,16 @@ def _mistakes(
         missing = one["type"] in ("missing", "extra_forbidden")
         keys = one["loc"] if missing else _existing(one["loc"], data)
         by_keys.setdefault(keys, []).append(one)
-    return [_mistake(keys, ones, model, head, locate) for keys, ones in by_keys.items()]
+    # A branch that was entered says more than the one beside it that wanted something else altogether.
+    entered = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
+    return [
+        _mistake(keys, ones, model, head, locate) for keys, ones in by_keys.items() if keys not in entered
+    ]
 
 
-def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
+def _mistake(
+    keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate
+) -> Mistake:
     kind = ones[0]["type"]
     path = ".".join(map(str, (*head, *keys)))
     if kind == "extra_forbidden":
@@ -96,20 +110,22 @@ def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[st
         return Mistake(locate(keys, True), f"{owner} takes no '{keys[-1]}': {remedy}")
     if kind == "missing":
         return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
+    if kind == "model_type":
+        return Mistake(
+            locate(keys, False), f"{path} is a section: write its keys under it, got {ones[0]['input']!r}"
+        )
     said = " or ".join(dict.fromkeys(one["msg"][0].lower() + one["msg"][1:] for one in ones))
     return Mistake(locate(keys, False), f"{path}: {said}, got {ones[0]['input']!r}")
 
 
 def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:
-    """The part of pydantic's location that leads through the data; it adds the branches of unions."""
+    """Pydantic's location without the branches of unions, which are no keys of the data."""
     keys: list[int | str] = []
     for key in loc:
-        if isinstance(data, dict) and key in data:
+        try:
             data = data[key]
-        elif isinstance(data, list | tuple) and isinstance(key, int) and key < len(data):
-            data = data[key]
-        else:
-            break
+        except (LookupError, TypeError):
+            continue
         keys.append(key)
     return tuple(keys)
 
@@ -124,11 +140,21 @@ def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
     return [*model.model_fields, *extra]
 
 
-def _contradictions(source: Source, recipe: Recipe) -> list[Mistake]:
+def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[Mistake]:
     """Values that are right one by one, but not together."""
     found = []
     low, high = recipe.touch_range
     if low > high:
         text = f"train.touches: the least, {low}, is more than the most, {high}: swap them"
         found.append(Mistake(source.place(("train", "touches")), text))
+    for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "beside")):
+        names = getattr(getattr(recipe, section), key)
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                text = f"{section}.{key}: '{name}' is there already: remove one of the two"
+                found.append(Mistake(source.place((section, key, index)), text))
+    fusion = recipe.model.fusion.use
+    if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).hears_features:
+        text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
+        found.append(Mistake(source.place(("model", "touch_encoder")), text))
     return found

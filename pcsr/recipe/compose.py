@@ -7,30 +7,28 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pcsr.errors import UserError
+from pcsr.recipe.schema import DEFAULTS, NAME
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source, read, scalar
 
-PARTS: frozenset[Keys] = frozenset(
-    {
-        ("data", "shapes"),
-        ("data", "touch"),
-        ("model", "encoder"),
-        ("model", "touch_encoder"),
-        ("model", "fusion"),
-        ("model", "backbone"),
-        ("model", "upsampler"),
-        ("train", "objective"),
-    }
-)
-"""Where a bare name is short for `{use: name}`."""
+PARTS: dict[Keys, str] = {
+    ("data", "shapes"): "shapes",
+    ("data", "touch"): "touch",
+    ("model", "encoder"): "encoder",
+    ("model", "touch_encoder"): "encoder",
+    ("model", "fusion"): "fusion",
+    ("model", "backbone"): "backbone",
+    ("model", "upsampler"): "upsampler",
+    ("train", "objective"): "objective",
+}
+"""Where a part is named, and of which kind; a bare name is short for `{use: name}` there."""
 
 
 def compose(path: Path, overrides: Sequence[str] = ()) -> list[Source]:
     """Every run that a recipe file describes; one, unless it has a matrix.
 
     Raises:
-        RecipeError: parents that go in a circle, a matrix that is not one.
-        UserError: a file that can't be read, a `--set` that is not `key=value`.
+        RecipeError: a file that is not YAML, or extends what it can't. Other mistakes go into the sources.
+        UserError: a file that can't be read.
     """
     source = _with_parents(path, ())
     for override in overrides:
@@ -39,7 +37,7 @@ def compose(path: Path, overrides: Sequence[str] = ()) -> list[Source]:
 
 
 def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
-    source = read(path)
+    source = spell_out(read(path))
     if "extends" not in source.data:
         return source
     parent = source.data.pop("extends")
@@ -55,27 +53,44 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     return merge(_with_parents(target, line), source)
 
 
+def spell_out(source: Source) -> Source:
+    """Write the bare name of a part as `{use: name}`, so that options can be laid over it."""
+    for keys in PARTS:
+        section = source.data.get(str(keys[0]))
+        if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
+            section[keys[1]] = {"use": section[keys[1]]}
+            source.values[(*keys, "use")] = source.place(keys)
+    return source
+
+
 def merge(under: Source, over: Source) -> Source:
-    """Lay one recipe over another: mappings key by key, everything else replaced whole."""
-    merged = Source(copy.deepcopy(under.data), dict(under.values), dict(under.names))
+    """Lay one recipe over another: mappings key by key, everything else replaced whole.
+
+    The options of a part stay if the same part is named again, and go with it if another is.
+    """
+    merged = under.copy()
     _merge_into(merged, over, (), merged.data, over.data)
     merged.values[()] = over.values[()]
+    merged.mistakes += over.mistakes
     return merged
 
 
-def _merge_into(target: Source, over: Source, keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> None:
+def _merge_into(
+    target: Source, over: Source, keys: Keys, below: dict[str, Any], above: dict[str, Any]
+) -> None:
     for key, value in above.items():
         here = (*keys, key)
         old = below.get(key)
-        if isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value):
-            _merge_into(target, over, here, old, value)
-            _copy_places(target, over, here, whole=False)
-        elif here in PARTS and isinstance(old, dict) and old.get("use") == value:
-            pass  # the same part by its bare name: its options stay
+        inside = isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value)
+        if inside:
+            _merge_into(target, over, here, below[key], value)
         else:
             _forget(target, here)
             below[key] = copy.deepcopy(value)
-            _copy_places(target, over, here, whole=True)
+        for mine, theirs in ((target.values, over.values), (target.names, over.names)):
+            for known, place in theirs.items():
+                if known == here or (not inside and known[: len(here)] == here):
+                    mine[known] = place
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
@@ -89,71 +104,111 @@ def _forget(source: Source, keys: Keys) -> None:
             del places[known]
 
 
-def _copy_places(target: Source, over: Source, keys: Keys, *, whole: bool) -> None:
-    for mine, theirs in ((target.values, over.values), (target.names, over.names)):
-        for known, place in theirs.items():
-            if known == keys or (whole and known[: len(keys)] == keys):
-                mine[known] = place
-
-
 def _set(source: Source, override: str) -> None:
-    """Apply `dotted.key=value`."""
+    """Apply `dotted.key=value`. It wins over a matrix, which no longer varies that key."""
+    place = Place(f"--set {override}")
     dotted, equals, text = override.partition("=")
-    if not equals or not dotted:
-        raise UserError(f"--set {override}: write --set dotted.key=value, for example --set train.epochs=5")
-    assign(source, tuple(dotted.split(".")), scalar(text), Place(f"--set {override}"))
+    keys = tuple(dotted.split("."))
+    matrix = source.data.get("matrix")
+    axes = matrix if isinstance(matrix, dict) else {}
+    together = [axis for axis, rows in axes.items() if axis != dotted and dotted in _varied(rows)]
+    if not equals or not all(keys):
+        remedy = "write --set dotted.key=value, for example --set train.epochs=5"
+        source.mistakes.append(Mistake(place, remedy))
+    elif keys[0] == "extends":
+        source.mistakes.append(Mistake(place, "extends is read before --set: write it in the file"))
+    elif together:
+        remedy = f"the matrix varies {dotted} together with others: change matrix.{together[0]} in the file"
+        source.mistakes.append(Mistake(place, remedy))
+    else:
+        axes.pop(dotted, None)
+        try:
+            assign(source, keys, scalar(text, place), place)
+        except RecipeError as error:
+            source.mistakes += error.mistakes
 
 
-def assign(source: Source, keys: Keys, value: Any, place: Place) -> None:
+def _varied(rows: Any) -> set[str]:
+    return {key for row in rows if _is_group(row) for key in row} if isinstance(rows, list) else set()
+
+
+def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | None = None) -> None:
     """Put one value into the data, as if a file with nothing else were laid over it."""
+    if keys[0] == "model" and len(keys) > 1:  # a change to the model that a recipe without one gets
+        source.data.setdefault("model", copy.deepcopy(DEFAULTS["model"]))
     data: Any = value
-    over = Source({}, {(): source.values[()]})
-    for i in range(len(keys), 0, -1):
-        over.values[keys[:i]] = over.names[keys[:i]] = place
-        # An option of a part that is given by its bare name.
-        if keys[: i - 1] in PARTS and isinstance(old := _get(source.data, keys[: i - 1]), str) and keys[i - 1] != "use":
-            data = {"use": old, keys[i - 1]: data}
-        else:
-            data = {keys[i - 1]: data}
+    over = Source({}, {(): source.values[()], keys: place}, {keys: name or place})
+    for depth in range(len(keys), 0, -1):
+        data = {keys[depth - 1]: data}
+        if keys[:depth] not in source.values:
+            over.values[keys[:depth]] = place
+            over.names[keys[:depth]] = name or place
     over.data = data
-    merged = merge(source, over)
+    merged = merge(source, spell_out(over))
     source.data, source.values, source.names = merged.data, merged.values, merged.names
-
-
-def _get(data: Any, keys: Keys) -> Any:
-    for key in keys:
-        data = data.get(key) if isinstance(data, dict) else None
-    return data
 
 
 def _expand(source: Source) -> Iterator[Source]:
     """A matrix to its product: each row one recipe, named after its values."""
-    if "matrix" not in source.data:
+    matrix = source.data.pop("matrix", None)
+    if matrix is None:
         yield source
         return
-    place = source.place(("matrix",))
-    matrix = source.data.pop("matrix")
-    if not isinstance(matrix, dict) or not all(isinstance(v, list) and v for v in matrix.values()):
-        raise RecipeError([Mistake(place, "a matrix maps dotted keys to lists of values: `model.fusion: [none, concat]`")])
+    wrong = _not_a_matrix(source, matrix)
+    if wrong:
+        source.mistakes += wrong
+        yield source
+        return
+    labels = [_labels(axis, values) for axis, values in matrix.items()]
     for row in itertools.product(*(range(len(values)) for values in matrix.values())):
-        run = Source(copy.deepcopy(source.data), dict(source.values), dict(source.names))
-        label = []
-        for (dotted, values), index in zip(matrix.items(), row, strict=True):
-            here = source.place(("matrix", dotted, index))
-            value = values[index]
-            # A mapping varies several keys together: {model.encoder: mlp, model.fusion: none}, under a free name.
-            changes = value if isinstance(value, dict) and all("." in key for key in value) else {dotted: value}
-            for key, one in changes.items():
-                assign(run, tuple(key.split(".")), one, here)
-            label.append(_label(dotted, value, changes))
-        run.data["name"] = "-".join([str(source.data.get("name", "run")), *label])
+        run = source.copy()
+        for (axis, values), index in zip(matrix.items(), row, strict=True):
+            _vary(run, source, axis, values[index], index)
+        name = source.data.get("name")
+        if isinstance(name, str) and re.fullmatch(NAME, name):  # a bad one is reported as it is written
+            run.data["name"] = "-".join([name, *(of[index] for of, index in zip(labels, row, strict=True))])
         yield run
 
 
-def _label(dotted: str, value: Any, changes: dict[str, Any]) -> str:
-    text = f"{dotted.rpartition('.')[2]}.{_short(value)}" if dotted in changes else ".".join(map(_short, changes.values()))
-    return re.sub(r"[^a-z0-9.]+", ".", text.lower()).strip(".")
+def _vary(run: Source, written: Source, axis: str, value: Any, index: int) -> None:
+    item: Keys = ("matrix", axis, index)
+    if not _is_group(value):
+        assign(run, tuple(axis.split(".")), value, written.place(item), written.names.get(item[:2]))
+        return
+    for dotted, one in value.items():
+        inner = (*item, dotted)
+        assign(run, tuple(dotted.split(".")), one, written.place(inner), written.names.get(inner))
 
 
-def _short(value: Any) -> str:
-    return str(value.get("use", "")) if isinstance(value, dict) else str(value)
+def _not_a_matrix(source: Source, matrix: Any) -> list[Mistake]:
+    text = "a matrix maps dotted keys to lists of values: `model.fusion: [none, concat]`"
+    if not isinstance(matrix, dict):
+        return [Mistake(source.place(("matrix",)), text)]
+    wrong = []
+    for axis, rows in matrix.items():
+        if axis in ("extends", "matrix"):
+            mistake = f"a matrix varies values, not '{axis}': write it beside the matrix"
+            wrong.append(Mistake(source.place(("matrix", axis), of_name=True), mistake))
+        elif not (isinstance(rows, list) and rows):
+            wrong.append(Mistake(source.place(("matrix", axis)), text))
+    return wrong
+
+
+def _is_group(value: Any) -> bool:
+    """Keys that vary together, under a free name: `{model.fusion: none, model.touch_encoder: null}`."""
+    return isinstance(value, dict) and bool(value) and all("." in key for key in value)
+
+
+def _labels(axis: str, values: list[Any]) -> list[str]:
+    """A label for each value of an axis; numbered where two would be the same."""
+    labels = [_label(axis, value) for value in values]
+    if len(set(labels)) == len(labels):
+        return labels
+    return [f"{label}.{number}" for number, label in enumerate(labels, 1)]
+
+
+def _label(axis: str, value: Any) -> str:
+    """`touches.3`, `fusion.none`: the axis and its value; of a group, the value that comes first."""
+    first = next(iter(value.values())) if _is_group(value) else value
+    named = first.get("use", "") if isinstance(first, dict) else first
+    return re.sub(r"[^a-z0-9]+", ".", f"{axis.rpartition('.')[2]}.{named}".lower()).strip(".")

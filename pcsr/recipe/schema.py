@@ -1,4 +1,4 @@
-"""What a recipe may say: its sections as pydantic models, and each part's options read off its constructor."""
+"""What a recipe may say: its sections as pydantic models; each part's options, read off its constructor."""
 
 import hashlib
 import inspect
@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from pcsr.registry import Registry
 
-
+NAME = r"^[a-z0-9][a-z0-9.-]*$"
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 """YAML has lists only; a value that must not change is a tuple."""
 
@@ -18,7 +18,7 @@ AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list)
 class Section(BaseModel):
     """A part of a recipe that knows its keys: an unknown one is a mistake."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class PartSpec(Section):
@@ -77,13 +77,15 @@ class Train(Section):
     augment: Annotated[tuple[Augmentation, ...], AS_TUPLE] = ("redraw", "rotate", "scale", "jitter")
     touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
     """One number, or the least and the most, drawn for each batch; None: as at evaluation."""
-    precision: Literal["32-true", "bf16-mixed", "16-mixed"] = "32-true"
+    precision: Literal["32-true", "bf16-mixed"] = "32-true"
 
 
 class Evaluate(Section):
     """What is measured, and beside what."""
 
-    metrics: Annotated[tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)] = (
+    metrics: Annotated[
+        tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)
+    ] = (
         "cd",
         "hd",
         "emd",
@@ -98,8 +100,9 @@ class Evaluate(Section):
 class Recipe(Section):
     """Everything that decides a run."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
-    seed: Annotated[int, Field(ge=0)] = 0
+    name: Annotated[str, Field(pattern=NAME)]
+    """It names the run's folder."""
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     data: Data
     model: Model
     train: Train
@@ -120,7 +123,8 @@ class Recipe(Section):
 
     def resolved(self) -> dict[str, Any]:
         """Plain data with every default filled in, in the form of a recipe file."""
-        return _flat(self.model_dump(mode="json"))
+        plain: dict[str, Any] = _flat(self.model_dump(mode="json"))
+        return plain
 
     @property
     def fingerprint(self) -> str:
@@ -137,17 +141,17 @@ class Recipe(Section):
 
 
 DEFAULTS: dict[str, Any] = {
-    "data": {"shapes": "cad-parts", "touch": "digit"},
+    "data": {"shapes": {"use": "cad-parts"}, "touch": {"use": "digit"}},
     "model": {
         "encoder": {"use": "unet", "channels": 128},
         "touch_encoder": {"use": "unet", "channels": 32},
-        "fusion": "iterative",
-        "backbone": "pu-transformer",
-        "upsampler": "shuffle",
+        "fusion": {"use": "iterative"},
+        "backbone": {"use": "pu-transformer"},
+        "upsampler": {"use": "shuffle"},
     },
-    "train": {"objective": "chamfer"},
+    "train": {"objective": {"use": "chamfer"}},
 }
-"""Parts that a recipe need not name. The model is TAPSR's, but a recipe that has a `model` names all its parts."""
+"""Parts that need not be named. A recipe without a `model` gets TAPSR's; one with a model names its parts."""
 
 
 def _flat(node: Any) -> Any:
@@ -166,7 +170,9 @@ def _hash(plain: Any) -> str:
 def options_model(part: type) -> type[BaseModel]:
     """The options of a part as a model: the keyword-only parameters of its constructor.
 
-    Lists are taken for tuples.
+    Their types are what YAML can write: bool, int, float, str, Literal, None, lists, tuples and mappings of
+    these, with pydantic's constraints as `Annotated`. It is strict, and made for `model_validate_json`: JSON
+    knows no tuples, so a list is taken for one there.
 
     Raises:
         TypeError: a parameter has no type.
@@ -179,11 +185,6 @@ def options_model(part: type) -> type[BaseModel]:
         if name not in hints:
             raise TypeError(f"option '{name}' of {part.__name__} has no type: annotate it in its constructor")
         default = ... if parameter.default is parameter.empty else parameter.default
-        hint = Annotated[hints[name], AS_TUPLE] if _holds_tuple(hints[name]) else hints[name]
-        fields[name] = (hint, default)
-    config = ConfigDict(extra="forbid", strict=True)
+        fields[name] = (hints[name], default)
+    config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=())
     return create_model(part.__name__, __config__=config, **fields)
-
-
-def _holds_tuple(hint: Any) -> bool:
-    return typing.get_origin(hint) is tuple or any(_holds_tuple(inner) for inner in typing.get_args(hint))

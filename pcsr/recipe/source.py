@@ -1,5 +1,6 @@
-"""A recipe's file as plain data, with the place of every key and value. YAML 1.2: no Python, no environment."""
+"""A recipe's file as plain data with the place of each key and value. YAML 1.2: no Python, no environment."""
 
+import copy
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,7 +8,9 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.constructor import RoundTripConstructor
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.scalarbool import ScalarBoolean
 
 from pcsr.errors import UserError
 
@@ -16,7 +19,7 @@ Keys = tuple[str | int, ...]
 
 
 class Place(NamedTuple):
-    """Where something stands: file (or command-line option), line and column from 1; 0 where there are none."""
+    """Where something stands: file or command-line option, line and column from 1; 0 where there are none."""
 
     origin: str
     line: int = 0
@@ -52,6 +55,12 @@ class Source:
     values: dict[Keys, Place] = field(default_factory=dict)
     names: dict[Keys, Place] = field(default_factory=dict)
     """Of keys rather than their values: an unknown key is marked itself."""
+    mistakes: list[Mistake] = field(default_factory=list)
+    """What was wrong already in the writing; reported together with what is wrong in the meaning."""
+
+    def copy(self) -> "Source":
+        """The same, to be changed without changing this one."""
+        return Source(copy.deepcopy(self.data), dict(self.values), dict(self.names), list(self.mistakes))
 
     def place(self, keys: Keys, *, of_name: bool = False) -> Place:
         """Where a value stands; if it isn't written anywhere, where the nearest thing around it does."""
@@ -80,43 +89,107 @@ def read(path: Path) -> Source:
 
 
 def parse(text: str, origin: str) -> Source:
-    """Read a recipe's text; `origin` names it in messages."""
-    try:
-        tree = YAML(typ="rt").load(text)
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = Place(origin, mark.line + 1, mark.column + 1) if mark else Place(origin)
-        what = (error.problem or "not YAML").partition(" with value")[0]
-        raise RecipeError([Mistake(place, f"{what}: mend the YAML there")]) from error
+    """Read a recipe's text; `origin` names it in messages.
+
+    Raises:
+        RecipeError: it is not YAML, or not a mapping.
+    """
+    tree, twice = _load(text, origin)
     if not isinstance(tree, CommentedMap):
         raise RecipeError([Mistake(Place(origin, 1, 1), "a recipe is a mapping: it starts with `name: …`")])
-    source = Source({}, {(): Place(origin, 1, 1)})
-    source.data = _plain(tree, (), source, origin)
+    source = Source({}, {(): Place(origin, 1, 1)}, mistakes=twice)
+    source.data = _plain(tree, (), source)
     return source
 
 
-def scalar(text: str) -> Any:
-    """A value given on the command line, read as YAML."""
+def scalar(text: str, place: Place) -> Any:
+    """A value given on the command line, read as YAML.
+
+    Raises:
+        RecipeError: it is not YAML.
+    """
     try:
-        return _plain(YAML(typ="rt").load(text), (), Source({}), "")
+        tree, twice = _load(text, place.origin)
+    except RecipeError as error:
+        raise RecipeError([Mistake(place, error.mistakes[0].text)]) from error
+    source = Source({}, {(): place}, mistakes=twice)
+    value = _plain(tree, (), source)
+    if source.mistakes:
+        raise RecipeError([Mistake(place, source.mistakes[0].text)])
+    return value
+
+
+class _Constructor(RoundTripConstructor):
+    """Notes each key that is written twice, where ruamel's own ends at the first."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.twice: list[tuple[Any, Any]] = []
+
+    def check_mapping_key(self, node: Any, key_node: Any, mapping: Any, key: Any, value: Any) -> bool:  # noqa: ARG002 - ruamel's signature
+        """Whether the key is the first of its name; only then its value is taken."""
+        if key in mapping:
+            self.twice.append((key, key_node.start_mark))
+        return key not in mapping
+
+
+def _load(text: str, origin: str) -> tuple[Any, list[Mistake]]:
+    """Ruamel's tree, and the keys that are written twice."""
+    yaml = YAML(typ="rt")
+    yaml.Constructor = _Constructor
+    try:
+        tree = yaml.load(text)
     except MarkedYAMLError as error:
-        raise UserError(f"'{text}' is not YAML: {error.problem}") from error
+        mark = error.problem_mark or error.context_mark
+        place = Place(origin, mark.line + 1, mark.column + 1) if mark else Place(origin)
+        what = error.problem or "not YAML"
+        raise RecipeError([Mistake(place, f"{what}: mend the YAML there")]) from error
+    except (YAMLError, ValueError) as error:  # a control character, a thirteenth month: no mark
+        raise RecipeError([Mistake(Place(origin), f"not YAML: {str(error).splitlines()[0]}")]) from error
+    except RecursionError as error:
+        raise RecipeError([Mistake(Place(origin), "nested too deeply: write it flatter")]) from error
+    return tree, [
+        Mistake(
+            Place(origin, mark.line + 1, mark.column + 1), f"'{key}' is written twice: remove one of the two"
+        )
+        for key, mark in yaml.constructor.twice
+    ]
 
 
-def _plain(node: Any, keys: Keys, source: Source, origin: str) -> Any:
+def _plain(node: Any, keys: Keys, source: Source, around: tuple[int, ...] = ()) -> Any:
     """Ruamel's tree without its types, which only look like Python's; places go into `source`."""
+    if id(node) in around:
+        source.mistakes.append(
+            Mistake(source.place(keys), "an alias inside of what it stands for: write it out")
+        )
+        return None
+    tag = getattr(getattr(node, "tag", None), "value", None)
+    if tag is not None:
+        source.mistakes.append(Mistake(source.place(keys), f"recipes are plain data: remove the tag {tag}"))
+        return None
     if isinstance(node, CommentedMap):
-        for key in node:
-            line, column, value_line, value_column = node.lc.data[key]
-            source.names[(*keys, str(key))] = Place(origin, line + 1, column + 1)
-            source.values[(*keys, str(key))] = Place(origin, value_line + 1, value_column + 1)
-        return {str(key): _plain(value, (*keys, str(key)), source, origin) for key, value in node.items()}
+        origin = source.place(keys).origin
+        plain: dict[str, Any] = {}
+        for key, value in node.items():
+            here = (*keys, str(key))
+            if key in node.lc.data:  # a key that `<<` merged in has its place elsewhere
+                line, column, value_line, value_column = node.lc.data[key]
+                source.names[here] = Place(origin, line + 1, column + 1)
+                source.values[here] = Place(origin, value_line + 1, value_column + 1)
+            plain[str(key)] = _plain(value, here, source, (*around, id(node)))
+        return plain
     if isinstance(node, CommentedSeq):
+        origin = source.place(keys).origin
         for index in range(len(node)):
             line, column = node.lc.data[index][:2]
             source.values[(*keys, index)] = Place(origin, line + 1, column + 1)
-        return [_plain(value, (*keys, index), source, origin) for index, value in enumerate(node)]
-    for plain in (bool, int, float, str):  # bool first: it is an int
-        if isinstance(node, plain):
-            return plain(node)
-    return node
+        return [_plain(value, (*keys, i), source, (*around, id(node))) for i, value in enumerate(node)]
+    if isinstance(node, bool | ScalarBoolean):  # before int, which both are
+        return bool(node)
+    for kind in (int, float, str):
+        if isinstance(node, kind):
+            return kind(node)
+    if node is not None:
+        text = f"a {type(node).__name__.lower()} is not plain data: put it in quotes if text is meant"
+        source.mistakes.append(Mistake(source.place(keys), text))
+    return None

@@ -14,7 +14,6 @@ from pcsr_plugins.shapes.families.solids import (
     extrude,
     grid_of,
     hole,
-    polygon,
     rectangle,
     ring_of,
     rounded,
@@ -76,8 +75,8 @@ def heat_sink(draw: Draw) -> Manifold:
     body = chamfered(rectangle(a, b, draw(0.5, 3)), base, 0.4)
     if draw.maybe(0.65):
         count, t = draw.whole(5, 12), draw(1.2, 2.4)
-        fin = box(t, b, h).translate((0, 0, base - 0.5))
-        body += grid_of(fin, [(-a / 2 + t / 2 + i * (a - t) / (count - 1), 0) for i in range(count)])
+        fin = box(t, b - 0.6, h).translate((0, 0, base - 0.5))
+        body += grid_of(fin, [((i / (count - 1) - 0.5) * (a - t - 1), 0) for i in range(count)])
         if draw.maybe():
             body -= box(a + 2, draw(3, 6), h + 1).translate((0, draw(-0.2, 0.2) * b, base + 0.5))
     else:
@@ -98,7 +97,9 @@ def arch(draw: Draw) -> Manifold:
     outer = [(x * (span + 2 * t) / (2 * rise), y) for x, y in arc(rise, 0, 180)]
     pier = draw(8, 30)
     wide = span / 2 + t
-    profile = CrossSection([[(-wide, -pier), (wide, -pier), (wide, 0), *[(x, y + t) for x, y in outer], (-wide, 0)]])
+    profile = CrossSection(
+        [[(-wide, -pier), (wide, -pier), (wide, 0), *[(x, y + t) for x, y in outer], (-wide, 0)]]
+    )
     inner = [(x * span / (2 * rise), y) for x, y in arc(rise, 0, 180)]
     profile -= CrossSection([[(-span / 2, -pier - 1), (span / 2, -pier - 1), *inner]])
     body = along_y(extrude(rounded(profile, 0.5), depth)).translate((0, depth / 2, 0))
@@ -176,7 +177,11 @@ def joint(draw: Draw) -> Manifold:
     gap, ear, r = draw(6, 16), draw(4, 9), draw(7, 14)
     reach, back = draw(14, 28), draw(5, 10)
     wide = gap + 2 * ear
-    ears = extrude(CrossSection.circle(r, 64).translate((reach, 0)) + CrossSection.square((reach, 2 * r)).translate((0, -r)), wide)
+    ears = extrude(
+        CrossSection.circle(r, 64).translate((reach, 0))
+        + CrossSection.square((reach, 2 * r)).translate((0, -r)),
+        wide,
+    )
     body = ears.translate((0, 0, -wide / 2)) - box(reach + r + 2, 2 * r + 2, gap).translate(
         (back + (reach + r) / 2, 0, -gap / 2)
     )
@@ -217,19 +222,4 @@ def lever(draw: Draw) -> Manifold:
         angle = draw(70, 140)
         body += body.rotate((0, 0, angle)) - cylinder(0.7 * r1, h1 + 2).translate((0, 0, -1))
         body -= hole(0.45 * r1, h1)
-    return body
-
-
-def wedge_stop(draw: Draw) -> Manifold:
-    """A sloped stop block on a slotted foot."""
-    a, b, h, base = draw(25, 45), draw(16, 32), draw(20, 40), draw(4, 7)
-    slope = polygon([(0, 0), (a, 0), (a, 0.25 * h), (draw(0.3, 0.5) * a, h), (0, h)], 1.0)
-    body = along_y(extrude(slope, b)).translate((0, b / 2, 0))
-    foot = extrude(rectangle(2.1 * a, b, 3), base).translate((0.1 * a, 0, 0))
-    foot -= extrude(rectangle(0.3 * a, draw(4, 6), 2), base + 2).translate((-0.55 * a, 0, -1))
-    body += foot
-    if draw.maybe():
-        body -= along_y(extrude(rounded(slope.offset(-draw(4, 6)), 0.5), 0.8 * b + 1)).translate((0, 0.3 * b, 0))
-    else:
-        body -= along_x(hole(draw(2.5, 5), a)).translate((0, 0, 0.62 * h))
     return body

@@ -28,7 +28,9 @@ def bolt(draw: Draw) -> Manifold:
     k = draw(0.9, 1.5) * r
     kind = draw.whole(0, 3)
     if kind == 0:
-        top = cylinder(head * r * 1.1, k, 6) ^ turned([(0, 0), (head * r * 1.1, 0), (head * r * 1.1, 0.8 * k), (0.9 * head * r, k), (0, k)])
+        top = cylinder(head * r * 1.1, k, 6) ^ turned(
+            [(0, 0), (head * r * 1.1, 0), (head * r * 1.1, 0.8 * k), (0.9 * head * r, k), (0, k)]
+        )
     elif kind == 1:
         top = turned([(0, 0), (head * r, 0), (head * r, 1.5 * k), (0, 1.5 * k)], 0.5)
         top -= cylinder(0.9 * r, 2 * k, 6).translate((0, 0, 0.7 * k))
@@ -57,10 +59,14 @@ def nut(draw: Draw) -> Manifold:
     r, h = draw(4, 9), 0.0
     h = draw(0.9, 1.6) * r
     wide = draw(1.75, 2.1) * r
-    body = cylinder(wide, h, 6) ^ turned([(0, 0), (0.9 * wide, 0), (wide, 0.12 * h), (wide, 0.88 * h), (0.9 * wide, h), (0, h)])
+    body = cylinder(wide, h, 6) ^ turned(
+        [(0, 0), (0.9 * wide, 0), (wide, 0.12 * h), (wide, 0.88 * h), (0.9 * wide, h), (0, h)]
+    )
     kind = draw.whole(0, 3)
     if kind == 1:
-        body += turned([(0, 0), (1.35 * wide, 0), (1.35 * wide, 0.12 * h), (0.9 * wide, 0.4 * h), (0, 0.4 * h)])
+        body += turned(
+            [(0, 0), (1.35 * wide, 0), (1.35 * wide, 0.12 * h), (0.9 * wide, 0.4 * h), (0, 0.4 * h)]
+        )
     elif kind == 2:
         crown = tube(0.85 * wide, 0.9 * r, 1.5 * h)
         slot = box(3 * wide, 0.4 * r, h).translate((0, 0, h))
@@ -68,7 +74,10 @@ def nut(draw: Draw) -> Manifold:
     elif kind == 3:
         body = turned([(0, 0), (1.5 * r, 0), (1.3 * r, 1.3 * h), (0, 1.3 * h)])
         wing = CrossSection.batch_hull(
-            [CrossSection.circle(0.4 * h, SMALL), CrossSection.circle(0.62 * h, SMALL).translate((1.5 * r, h))]
+            [
+                CrossSection.circle(0.4 * h, SMALL),
+                CrossSection.circle(0.62 * h, SMALL).translate((1.5 * r, h)),
+            ]
         )
         wings = along_y(extrude(wing, draw(1.5, 3)).translate((1.1 * r, 0.6 * h, -1)))
         body += wings + wings.rotate((0, 0, 180))
@@ -87,7 +96,11 @@ def spring(draw: Draw) -> Manifold:
     pitch = wire * draw(2.6, 4.5)
     t = np.linspace(0, 1, int(36 * turns))
     taper = draw.one_of(["none", "cone", "barrel"])
-    shape = {"none": 1 + 0 * t, "cone": 1 - draw(0.2, 0.5) * t, "barrel": 1 - draw(0.2, 0.4) * (2 * t - 1) ** 2}[taper]
+    shape = {
+        "none": 1 + 0 * t,
+        "cone": 1 - draw(0.2, 0.5) * t,
+        "barrel": 1 - draw(0.2, 0.4) * (2 * t - 1) ** 2,
+    }[taper]
     angle = 2 * np.pi * turns * t
     rise = np.clip((t * turns - 0.75), 0, turns - 1.5)
     z = rise * pitch + wire * 2.15 * (np.minimum(t * turns, 0.75) + np.maximum(t * turns - (turns - 0.75), 0))
@@ -99,7 +112,9 @@ def spring(draw: Draw) -> Manifold:
         inward = np.stack([end[0] * (1 - s), end[1] * (1 - s), end[2] + pitch * s**2], axis=1)
         body += swept(inward, wire * 0.98, segments=14) + Manifold.sphere(wire, 20).translate(tuple(end))
         rod = inward[-1]
-        body += cylinder(wire, draw(4, 12), 20).translate((float(rod[0]), float(rod[1]), float(rod[2]) - 0.3 * wire))
+        body += cylinder(wire, draw(4, 12), 20).translate(
+            (float(rod[0]), float(rod[1]), float(rod[2]) - 0.3 * wire)
+        )
     return body
 
 
@@ -118,7 +133,9 @@ def hook(draw: Draw) -> Manifold:
         ring = Manifold.revolve(CrossSection.circle(0.9 * wire, 20).translate((eye, 0)), 48)
         body += along_x(ring).translate((0, 0, top + eye - 0.2 * wire))
     else:
-        body += turned([(0, 0), (1.7 * wire, 0), (1.7 * wire, wire), (wire, wire), (wire, 3 * wire), (0, 3 * wire)], 0.2).translate((0, 0, top - 0.2))
+        body += turned(
+            [(0, 0), (1.7 * wire, 0), (1.7 * wire, wire), (wire, wire), (wire, 3 * wire), (0, 3 * wire)], 0.2
+        ).translate((0, 0, top - 0.2))
     return body
 
 
@@ -135,15 +152,20 @@ def chain_link(draw: Draw) -> Manifold:
             stud = along_y(cylinder(0.7 * wire, 2 * r, 24)).translate((0, r, 0))
             body += stud
         return body
-    t, gap = draw(1.5, 3), draw(4, 9)
-    neck = CrossSection.batch_hull([CrossSection.circle(r, 64).translate((x * straight / 2, 0)) for x in (-1, 1)])
+    thick, gap = draw(1.5, 3), draw(4, 9)
+    neck = CrossSection.batch_hull(
+        [CrossSection.circle(r, 64).translate((x * straight / 2, 0)) for x in (-1, 1)]
+    )
     waist = draw(1.2, 2.5) * r
     for y in (-1, 1):
         neck -= CrossSection.circle(waist, 96).translate((0, y * (waist + draw(0.5, 0.75) * r)))
-    plates = extrude(neck, t) + extrude(neck, t).translate((0, 0, t + gap))
+    plates = extrude(neck, thick) + extrude(neck, thick).translate((0, 0, thick + gap))
     body = plates
     for x in (-1, 1):
-        body += (cylinder(0.42 * r, 2 * t + gap + 2) + tube(0.62 * r, 0.3 * r, gap).translate((0, 0, t + 1))).translate((x * straight / 2, 0, -1))
+        body += (
+            cylinder(0.42 * r, 2 * thick + gap + 2)
+            + tube(0.62 * r, 0.3 * r, gap).translate((0, 0, thick + 1))
+        ).translate((x * straight / 2, 0, -1))
     return body
 
 
@@ -152,7 +174,15 @@ def clip(draw: Draw) -> Manifold:
     r, wall, t, gap = draw(7, 16), draw(1.8, 3.5), draw(8, 22), draw(60, 110)
     outline = CrossSection.circle(r + wall, 96) - CrossSection.circle(r, 96)
     a = np.radians(gap / 2)
-    wedge = CrossSection([[(0.0, 0.0), (float(3 * r * np.cos(a)), float(-3 * r * np.sin(a))), (float(3 * r * np.cos(a)), float(3 * r * np.sin(a)))]])
+    wedge = CrossSection(
+        [
+            [
+                (0.0, 0.0),
+                (float(3 * r * np.cos(a)), float(-3 * r * np.sin(a))),
+                (float(3 * r * np.cos(a)), float(3 * r * np.sin(a))),
+            ]
+        ]
+    )
     outline -= wedge
     for side in (-1, 1):
         x, y = float((r + wall / 2) * np.cos(a)), float(side * (r + wall / 2) * np.sin(a))

@@ -1,30 +1,30 @@
 """Pipe fittings and ducts."""
 
+import numpy as np
 from manifold3d import CrossSection, Manifold
 
 from pcsr_plugins.shapes.families.draw import Draw
 from pcsr_plugins.shapes.families.solids import (
     SMALL,
     along_x,
-    along_y,
     cylinder,
     hole,
     ring_of,
-    tube,
+    swept,
     turned,
     union,
 )
 
 
-def _end(draw: Draw, outer: float, bore: float, kind: str) -> Manifold:
-    """The end of a pipe that leaves along +z, from z = -1: plain, collared, or flanged with bolt holes."""
+def _end(draw: Draw, outer: float, kind: str) -> Manifold:
+    """The end of a pipe that leaves along +z and ends at z = 0, its bore still to be cut."""
     if kind == "collar":
-        return tube(outer + draw(1.5, 3.5), bore, draw(5, 9)).translate((0, 0, -5))
+        return cylinder(outer + draw(1.5, 3.5), draw(5, 9)).translate((0, 0, -5))
     if kind == "flange":
         rim, t = outer + draw(6, 11), draw(2.5, 5)
         bolts = ring_of(hole(draw(1.2, 2), t), draw.whole(4, 8), rim - 3.2)
-        return (tube(rim, bore, t) - bolts).translate((0, 0, -t))
-    return tube(outer, bore, 1).translate((0, 0, -1))
+        return (cylinder(rim, t) - bolts).translate((0, 0, -t))
+    return Manifold()
 
 
 def tee(draw: Draw) -> Manifold:
@@ -34,12 +34,15 @@ def tee(draw: Draw) -> Manifold:
     branch = outer * draw(0.65, 1.0)
     branch_bore = max(branch - draw(1.8, 3), 0.4 * branch)
     kind = draw.one_of(["plain", "collar", "flange"])
-    end, branch_end = _end(draw, outer, bore, kind), _end(draw, branch, branch_bore, kind)
+    end, branch_end = _end(draw, outer, kind), _end(draw, branch, kind)
     run = cylinder(outer, 2 * reach).translate((0, 0, -reach)) + end.translate((0, 0, reach))
     run += end.rotate((180, 0, 0)).translate((0, 0, -reach))
     arm = cylinder(branch, up) + branch_end.translate((0, 0, up))
     arm_bore = cylinder(branch_bore, up + 10)
-    body, bores = run + along_x(arm), cylinder(bore, 2 * reach + 20).translate((0, 0, -reach - 10)) + along_x(arm_bore)
+    body, bores = (
+        run + along_x(arm),
+        cylinder(bore, 2 * reach + 20).translate((0, 0, -reach - 10)) + along_x(arm_bore),
+    )
     if draw.maybe(0.3):
         body, bores = body + along_x(arm).rotate((0, 0, 180)), bores + along_x(arm_bore).rotate((0, 0, 180))
     return body - bores
@@ -48,18 +51,24 @@ def tee(draw: Draw) -> Manifold:
 def elbow(draw: Draw) -> Manifold:
     """A bend of 45 to 180 degrees between straight ends."""
     outer = draw(6, 13)
-    bore, bend, angle = outer - draw(1.5, 3.5), outer * draw(1.5, 2.8), draw.one_of([45.0, 60.0, 90.0, 90.0, 180.0])
-    ring = (CrossSection.circle(outer, 48) - CrossSection.circle(bore, 48)).translate((bend, 0))
-    body = Manifold.revolve(ring, 96, angle)
-    kind = draw.one_of(["plain", "collar", "flange"])
-    length = draw(6, 22)
-    straight = tube(outer, bore, length) + _end(draw, outer, bore, kind).translate((0, 0, length))
-    first = along_y(straight).translate((bend, 0.02, 0))
-    body += first
-    if draw.maybe(0.75):
-        last = along_y(straight).rotate((0, 0, 180)).translate((bend, -0.02, 0)).rotate((0, 0, angle))
-        body += last
-    return body
+    bore, bend = outer - draw(1.5, 3.5), outer * draw(1.5, 2.8)
+    angle, length = draw.one_of([45.0, 60.0, 90.0, 90.0, 180.0]), draw(6, 22)
+    tail = length if draw.maybe(0.75) else 1.0
+    end = _end(draw, outer, draw.one_of(["plain", "collar", "flange"]))
+
+    # Straight along +z to the origin's height, then around the y axis.
+    t = np.radians(np.linspace(0, angle, int(angle / 4)))
+    curve = np.stack([bend - bend * np.cos(t), 0 * t, bend * np.sin(t)], axis=1)
+    way = np.array([np.sin(t[-1]), 0, np.cos(t[-1])])
+
+    def pipe(radius: float, over: float) -> Manifold:
+        path = np.concatenate([[[0, 0, -length - over]], curve, [curve[-1] + way * (tail + over)]])
+        return swept(path, radius, segments=48)
+
+    body = pipe(outer, 0) + end.rotate((180, 0, 0)).translate((0, 0, -length))
+    if tail == length:
+        body += end.rotate((0, angle, 0)).translate(tuple(map(float, curve[-1] + way * tail)))
+    return body - pipe(bore, 8)
 
 
 def valve(draw: Draw) -> Manifold:
@@ -67,7 +76,7 @@ def valve(draw: Draw) -> Manifold:
     outer, reach = draw(7, 11), draw(20, 32)
     bore = outer - draw(1.6, 3)
     kind = draw.one_of(["collar", "flange"])
-    end = _end(draw, outer, bore, kind)
+    end = _end(draw, outer, kind)
     body = cylinder(outer, 2 * reach).translate((0, 0, -reach)) + end.translate((0, 0, reach))
     body += end.rotate((180, 0, 0)).translate((0, 0, -reach))
     body += Manifold.sphere(outer * draw(1.25, 1.6), 48)
@@ -76,7 +85,9 @@ def valve(draw: Draw) -> Manifold:
     bonnet = turned([(0, 0.9 * outer), (0.75 * outer, 0.9 * outer), (0.6 * outer, up), (0, up)], 0.4)
     bonnet += cylinder(stem, draw(10, 18), SMALL).translate((0, 0, up - 1))
     top = up + 8
-    rim = Manifold.revolve(CrossSection.circle(draw(1.2, 2), 20).translate((wheel, 0)), 56).translate((0, 0, top))
+    rim = Manifold.revolve(CrossSection.circle(draw(1.2, 2), 20).translate((wheel, 0)), 56).translate(
+        (0, 0, top)
+    )
     spoke = along_x(cylinder(1.2, wheel, 20)).translate((0, 0, top))
     bonnet += rim + union(spoke.rotate((0, 0, 120 * i)) for i in range(3))
     return body + along_x(bonnet)
@@ -93,12 +104,8 @@ def duct(draw: Draw) -> Manifold:
         top = cylinder(r2 + grow, 2, 64).translate((shift, 0, high - 2))
         return (bottom + top).hull()
 
-    body = loft(0, 0, h) - loft(-wall, -0.01, h + 0.01)
-    body -= cylinder(r2 - wall, h, 64).translate((shift, 0, h - 2))
-    body -= cylinder(r1 - wall, 4, sides).rotate((0, 0, 45)).translate((0, 0, -2))
     foot = cylinder(r1 + draw(3, 7), draw(2, 3.5), sides).rotate((0, 0, 45))
-    foot -= cylinder(r1 - wall, 20, sides).rotate((0, 0, 45)).translate((0, 0, -5))
-    body += foot
+    body = loft(0, 0, h) + foot
     if draw.maybe():
-        body += tube(r2 + draw(1.5, 3), r2 - wall, 4).translate((shift, 0, h - 4))
-    return body
+        body += cylinder(r2 + draw(1.5, 3), 4).translate((shift, 0, h - 4))
+    return body - loft(-wall, -1, h + 1)

@@ -1,5 +1,6 @@
 """Parts cut from plate or bent from sheet."""
 
+import numpy as np
 from manifold3d import CrossSection, JoinType, Manifold
 
 from pcsr_plugins.shapes.families.draw import Draw
@@ -30,7 +31,9 @@ def plate(draw: Draw) -> Manifold:
     corners = [(x, y) for x in (-a / 2 + inset, a / 2 - inset) for y in (-b / 2 + inset, b / 2 - inset)]
     body -= grid_of(hole(r, t, draw(0.5, 1.5) if draw.maybe() else 0), corners)
     if draw.maybe():
-        body -= extrude(rectangle(draw(0.25, 0.5) * a, draw(0.25, 0.5) * b, draw(2, 5)), t + 2).translate((0, 0, -1))
+        body -= extrude(rectangle(draw(0.25, 0.5) * a, draw(0.25, 0.5) * b, draw(2, 5)), t + 2).translate(
+            (0, 0, -1)
+        )
     else:
         boss = draw(0.14, 0.22) * b
         body += cylinder(boss, t + draw(4, 15))
@@ -38,6 +41,37 @@ def plate(draw: Draw) -> Manifold:
     if draw.maybe():
         rib = box(0.7 * a, draw(1.5, 3), draw(4, 10)).translate((0, 0, 0.9 * t))
         body += grid_of(rib, [(0, -0.36 * b), (0, 0.36 * b)])
+    return body
+
+
+def adapter(draw: Draw) -> Manifold:
+    """A plate around scattered bosses, drilled at each, perhaps with ribs to the largest."""
+    t, wall, count = draw(2.5, 6), draw(2, 4), draw.whole(3, 6)
+    spread, turn = draw(18, 38), draw(0, 2 * np.pi)
+    places, radii = [(0.0, 0.0)], [draw(6, 13)]
+    for i in range(count):
+        angle = turn + 2 * np.pi * (i + draw(-0.3, 0.3)) / count
+        reach = spread * draw(0.6, 1.15)
+        places.append((float(reach * np.cos(angle)), float(reach * np.sin(angle))))
+        radii.append(draw(1.6, 4))
+    discs = [CrossSection.circle(r + wall, SMALL).translate(p) for r, p in zip(radii, places, strict=True)]
+    arms = [CrossSection.batch_hull([discs[0], disc]) for disc in discs[1:]]
+    outline = CrossSection.batch_hull(discs) if draw.maybe(0.4) else arms[0]
+    for arm in arms:
+        outline += arm
+    body = extrude(rounded(outline, 0.5, draw(2, 6)), t)
+    heights = [t + draw(2, 14) if draw.maybe() else t for _ in places]
+    ribbed = draw.maybe()
+    for (x, y), disc, height in zip(places, discs, heights, strict=True):
+        if height > t:
+            body += extrude(disc.offset(-0.1 * wall), height)
+        if ribbed and (x, y) != (0, 0):
+            rib = box(float(np.hypot(x, y)), draw(1.5, 2.5), t + 0.5 * (min(height, heights[0]) - t) + 1)
+            body += rib.translate((float(np.hypot(x, y)) / 2, 0, 0)).rotate(
+                (0, 0, float(np.degrees(np.arctan2(y, x))))
+            )
+    for (x, y), r, height in zip(places, radii, heights, strict=True):
+        body -= hole(r, height, draw(0, 1.2)).translate((x, y, 0))
     return body
 
 
@@ -60,7 +94,9 @@ def bracket(draw: Draw) -> Manifold:
         body -= along_x(hole(r, 2 * t)).translate((-1, y, z))
     if draw.maybe():
         leg = draw(0.35, 0.6)
-        gusset = along_y(extrude(polygon([(0.5 * t, 0.5 * t), (leg * a, 0.5 * t), (0.5 * t, leg * b)]), draw(2, 4)))
+        gusset = along_y(
+            extrude(polygon([(0.5 * t, 0.5 * t), (leg * a, 0.5 * t), (0.5 * t, leg * b)]), draw(2, 4))
+        )
         places = [0.0] if holes == 2 or draw.maybe() else [-0.42 * width, 0.42 * width]
         body += union(gusset.translate((0, y + 1.5, 0)) for y in places)
     return body
@@ -142,3 +178,41 @@ def gasket(draw: Draw) -> Manifold:
             x = max(-length / 2 + inset, min(length / 2 - inset, x))
             outline -= CrossSection.circle(draw(1.2, 2.2), SMALL).translate((x, y))
     return extrude(rounded(outline, 0.4), t)
+
+
+def sheet_bracket(draw: Draw) -> Manifold:
+    """Thin sheet bent into two to four flanges around a floor, punched in rows, its corners cut off."""
+    a, b, t = draw(30, 70), draw(25, 55), draw(0.8, 2)
+    body = extrude(rectangle(a, b, draw(1, 3)), t)
+    pitch, r = draw(7, 12), draw(1, 2.4)
+    sides = draw.one_of([(0, 90), (0, 180), (0, 90, 180), (0, 90, 180, 270), (0,)])
+    for turn in sides:
+        width, reach = (b, a) if turn % 180 == 0 else (a, b)
+        height = draw(10, 45)
+        width *= draw(0.5, 0.96)
+        flange = polygon(
+            [
+                (-width / 2, 0),
+                (width / 2, 0),
+                (draw(0.25, 0.5) * width, height),
+                (-draw(0.25, 0.5) * width, height),
+            ],
+            draw(1, 4),
+        )
+        flange += CrossSection.square((width, 0.3 * height)).translate((-width / 2, 0))
+        rows, columns = draw.whole(0, 3), draw.whole(1, 3)
+        for i in range(rows):
+            for j in range(columns):
+                place = ((j - (columns - 1) / 2) * min(pitch, 0.45 * width / columns), 6 + i * pitch)
+                if place[1] < height - r - 1.5:
+                    flange -= CrossSection.circle(
+                        r if columns == 1 else min(r, 0.15 * width / columns), 24
+                    ).translate(place)
+        leaf = extrude(flange, t).rotate((90, 0, 90)).translate((reach / 2 - t, 0, 0)).rotate((0, 0, turn))
+        body += leaf
+        if draw.maybe():  # the bend's inner radius
+            bend = extrude(polygon([(0, 0), (0, 2 * t), (-2 * t, 0)]), 0.9 * width).rotate((90, 0, 0))
+            body += bend.translate((reach / 2 - t, 0.45 * width, 0.9 * t)).rotate((0, 0, turn))
+    count = draw.whole(0, 4)
+    spots = [((i - (count - 1) / 2) * 0.8 * a / max(count, 2), draw(-0.3, 0.3) * b) for i in range(count)]
+    return body - grid_of(hole(draw(1, 2.2), t), spots)

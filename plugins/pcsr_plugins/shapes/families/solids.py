@@ -1,4 +1,4 @@
-"""The solids that parts are made of: rounded outlines, tubes, rings of holes, turned profiles, swept wires."""
+"""The solids that parts are made of: rounded outlines, tubes, rings of holes, turned profiles, wires."""
 
 from collections.abc import Iterable, Sequence
 
@@ -110,7 +110,9 @@ def turned(profile: Sequence[tuple[float, float]], fillet: float = 0.0, segments
     return Manifold.revolve(outline, segments)
 
 
-def swept(path: Float[np.ndarray, "n 3"], radius: float, *, closed: bool = False, segments: int = 16) -> Manifold:
+def swept(
+    path: Float[np.ndarray, "n 3"], radius: float, *, closed: bool = False, segments: int = 16
+) -> Manifold:
     """A wire of round section along a path; flat ends unless it is closed."""
     n = len(path)
     tangent = np.roll(path, -1, 0) - np.roll(path, 1, 0)
@@ -147,4 +149,7 @@ def swept(path: Float[np.ndarray, "n 3"], radius: float, *, closed: bool = False
 
 def arc(radius: float, start: float, end: float, count: int = 33) -> list[tuple[float, float]]:
     """Points on a circle about the origin, angles in degrees."""
-    return [(radius * float(np.cos(t)), radius * float(np.sin(t))) for t in np.radians(np.linspace(start, end, count))]
+    return [
+        (radius * float(np.cos(t)), radius * float(np.sin(t)))
+        for t in np.radians(np.linspace(start, end, count))
+    ]

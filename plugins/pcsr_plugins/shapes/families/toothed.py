@@ -10,6 +10,7 @@ from pcsr_plugins.shapes.families.solids import (
     cylinder,
     extrude,
     hole,
+    rectangle,
     ring_of,
     rounded,
     tube,
@@ -35,13 +36,20 @@ def gear(draw: Draw) -> Manifold:
     outline = []
     for i in range(teeth):
         a = i * angles
-        for radius, share in ((inner, -0.36), (r, -0.25), (outer, -0.12), (outer, 0.12), (r, 0.25), (inner, 0.36)):
-            outline.append((float(radius * np.cos(a + share * angles)), float(radius * np.sin(a + share * angles))))
+        for radius, share in (
+            (inner, -0.36),
+            (r, -0.25),
+            (outer, -0.12),
+            (outer, 0.12),
+            (r, 0.25),
+            (inner, 0.36),
+        ):
+            outline.append(
+                (float(radius * np.cos(a + share * angles)), float(radius * np.sin(a + share * angles)))
+            )
     profile = CrossSection([outline])
-    if draw.maybe(0.3):
-        body = Manifold.extrude(profile, t, 8, draw(8, 25))
-    else:
-        body = extrude(profile, t)
+    helix = draw(8, 25) if draw.maybe(0.3) else 0.0
+    body = Manifold.extrude(profile, t, 8 if helix else 0, helix)
     bore = draw(0.16, 0.3) * r
     hub = bore + draw(0.12, 0.2) * r
     if draw.maybe():
@@ -82,12 +90,12 @@ def ratchet(draw: Draw) -> Manifold:
         for radius, share in ((r, 0.0), (tip, 0.82), (tip, 0.9)):
             a = 2 * np.pi * (i + share) / teeth
             outline.append((float(radius * np.cos(a)), float(radius * np.sin(a))))
-    body = extrude(CrossSection([outline]), t)
+    body = extrude(rounded(CrossSection([outline]), 0.01 * r, 0.03 * r), t)
     bore = draw(0.2, 0.38) * r
     if draw.maybe():
         body += cylinder(bore * 1.6, t + draw(2, 9))
     if draw.maybe():
-        return body - box(1.5 * bore, 1.5 * bore, 99).translate((0, 0, -40))
+        return body - extrude(rectangle(1.5 * bore, 1.5 * bore, 0.1 * bore), 99).translate((0, 0, -40))
     return _bored(body, draw, bore, t)
 
 
@@ -133,5 +141,6 @@ def impeller(draw: Draw) -> Manifold:
     body = cylinder(r, base, 96) + union(solid.rotate((0, 0, 360 * i / blades)) for i in range(blades))
     body += turned([(0, 0), (hub + draw(0, 4), 0), (hub, base + h), (0, base + h)])
     if draw.maybe(0.4):
-        body += tube(r, r - draw(1.5, 2.5), base + 0.9 * h)
+        rim = CrossSection.circle(r, 96) - CrossSection.circle(r - draw(1.5, 2.5), 96)
+        body += extrude(rim, base + 0.9 * h)
     return _bored(body, draw, 0.5 * hub, h)

@@ -1,5 +1,6 @@
 """Parts from the lathe."""
 
+import numpy as np
 from manifold3d import CrossSection, Manifold
 
 from pcsr_plugins.shapes.families.draw import Draw
@@ -47,7 +48,9 @@ def bearing(draw: Draw) -> Manifold:
     inner_ring, outer_ring = tube(race, bore, t), tube(outer, middle + 0.9 * ball, t)
     if draw.maybe(0.6):
         balls = ring_of(Manifold.sphere(ball, SMALL), draw.whole(7, 12), middle).translate((0, 0, t / 2))
-        cage = tube(middle + 0.5 * ball, middle - 0.5 * ball, 0.6 * ball).translate((0, 0, t / 2 - 0.3 * ball))
+        cage = tube(middle + 0.5 * ball, middle - 0.5 * ball, 0.6 * ball).translate(
+            (0, 0, t / 2 - 0.3 * ball)
+        )
         web = ring_of(box(2 * ball + 2.4, 1.2, 0.5 * t).translate((0, 0, 0.25 * t)), 3, middle)
         return inner_ring + outer_ring + balls + cage + web
     shield = tube(middle + ball, race - 0.1, 0.86 * t).translate((0, 0, 0.07 * t))
@@ -63,14 +66,23 @@ def pulley(draw: Draw) -> Manifold:
     pitch = width / grooves
     for i in range(grooves):
         z = i * pitch
-        profile += [(r, z + 0.15 * pitch), (r - depth, z + 0.38 * pitch), (r - depth, z + 0.62 * pitch), (r, z + 0.85 * pitch)]
+        profile += [
+            (r, z + 0.15 * pitch),
+            (r - depth, z + 0.38 * pitch),
+            (r - depth, z + 0.62 * pitch),
+            (r, z + 0.85 * pitch),
+        ]
     profile += [(r, width), (r - depth - 3, width), (r - depth - 3, 0)]
     rim = turned(profile)
     body = rim + cylinder(hub, width + draw(0, 8))
     web = draw(2.5, 5)
     inner = r - depth - 2.5
     if draw.maybe():
-        disc = cylinder(inner, web) - ring_of(cylinder(0.3 * (inner - hub), 30, SMALL).translate((0, 0, -5)), draw.whole(4, 7), (inner + hub) / 2)
+        disc = cylinder(inner, web) - ring_of(
+            cylinder(0.3 * (inner - hub), 30, SMALL).translate((0, 0, -5)),
+            draw.whole(4, 7),
+            (inner + hub) / 2,
+        )
     else:
         disc = ring_of(box(inner - 0.5 * hub, draw(3, 6), web), draw.whole(3, 6), (inner + 0.5 * hub) / 2)
     body += disc.translate((0, 0, (width - web) / 2))
@@ -110,7 +122,9 @@ def bushing(draw: Draw) -> Manifold:
     """A flanged bushing or spacer, with oil grooves, a slit or cross holes."""
     bore, wall, h = draw(5, 14), draw(2, 5), draw(14, 38)
     outer = bore + wall
-    body = turned([(bore, 0), (outer, 0), (outer, h - 0.8), (outer - 0.8, h), (bore + 0.5, h), (bore, h - 0.5)])
+    body = turned(
+        [(bore, 0), (outer, 0), (outer, h - 0.8), (outer - 0.8, h), (bore + 0.5, h), (bore, h - 0.5)]
+    )
     if draw.maybe(0.6):
         body += tube(outer + draw(3, 8), bore, draw(2, 4.5))
     kind = draw.whole(0, 2)
@@ -119,9 +133,13 @@ def bushing(draw: Draw) -> Manifold:
     elif kind == 1:
         cross = along_x(cylinder(draw(1.2, 2.6), 4 * outer, SMALL)).translate((-2 * outer, 0, 0))
         levels = draw.whole(1, 2)
-        body -= union(cross.rotate((0, 0, 90 * i)).translate((0, 0, h * (0.4 + 0.3 * i))) for i in range(levels))
+        body -= union(
+            cross.rotate((0, 0, 90 * i)).translate((0, 0, h * (0.4 + 0.3 * i))) for i in range(levels)
+        )
     else:
-        body -= union(tube(outer + 1, outer - 0.45 * wall, 2).translate((0, 0, h * f)) for f in (0.4, 0.6, 0.8))
+        body -= union(
+            tube(outer + 1, outer - 0.45 * wall, 2).translate((0, 0, h * f)) for f in (0.4, 0.6, 0.8)
+        )
     return body
 
 
@@ -145,11 +163,11 @@ def handwheel(draw: Draw) -> Manifold:
 
 def lamp_post(draw: Draw) -> Manifold:
     """A street lamp: a stepped foot, a tapering post, one or two curved arms with lanterns."""
-    import numpy as np
-
     h, r = draw(60, 110), draw(1.8, 3.2)
     foot = draw(6, 10)
-    body = turned([(0, 0), (foot, 0), (foot, 3), (0.7 * foot, 5), (0.55 * foot, 12), (r, 16), (0.7 * r, h), (0, h)])
+    body = turned(
+        [(0, 0), (foot, 0), (foot, 3), (0.7 * foot, 5), (0.55 * foot, 12), (r, 16), (0.7 * r, h), (0, h)]
+    )
     if draw.maybe():
         body += union(tube(1.7 * r, 0.3 * r, 2).translate((0, 0, h * f)) for f in (0.4, 0.75))
     arms, reach = draw.whole(0, 2), draw(10, 22)
@@ -170,7 +188,16 @@ def nozzle(draw: Draw) -> Manifold:
     body = turned([(0, 0), (r, 0), (r, h1), (tip + 1.2, h1 + h2), (0, h1 + h2)], 0.3)
     grip = draw(4, 8)
     body += cylinder(1.35 * r, grip, 6).translate((0, 0, h1 - grip))
-    body -= turned([(0, -1), (0.7 * r, -1), (0.7 * r, h1), (0.6 * tip, h1 + 0.7 * h2), (0.6 * tip, h1 + h2 + 1), (0, h1 + h2 + 1)])
+    body -= turned(
+        [
+            (0, -1),
+            (0.7 * r, -1),
+            (0.7 * r, h1),
+            (0.6 * tip, h1 + 0.7 * h2),
+            (0.6 * tip, h1 + h2 + 1),
+            (0, h1 + h2 + 1),
+        ]
+    )
     if draw.maybe():
         body -= union(tube(r + 1, 0.88 * r, 1.2).translate((0, 0, 1.2 + 2.4 * i)) for i in range(2))
     if draw.maybe():

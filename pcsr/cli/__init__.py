@@ -1,0 +1,156 @@
+"""The command line: `pcsr COMMAND`. A command's module is imported when the command is called, not before."""
+
+import errno
+import importlib
+import traceback
+from collections.abc import Sequence
+from importlib.metadata import Distribution, EntryPoint, distributions
+from typing import Any, NamedTuple
+
+import click
+
+from pcsr import __version__
+from pcsr.errors import PcsrError, RunError, UserError, did_you_mean
+
+GROUP = "pcsr.commands"
+"""The entry-point group in which plugins announce commands: `name = "module:click_command"`."""
+
+
+class BuiltIn(NamedTuple):
+    """A command of ours: where it is, and the line that stands for it in `pcsr --help`."""
+
+    target: str
+    summary: str
+
+
+COMMANDS = {
+    "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
+    "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
+    "plugins": BuiltIn(
+        "pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."
+    ),
+}
+
+
+class Foreign(NamedTuple):
+    """A command that an installed distribution announces. Reading this much of it imports nothing."""
+
+    owner: str
+    point: EntryPoint
+
+
+def foreign_commands() -> dict[str, list[Foreign]]:
+    """Announced commands by name. More than one of a name is settled when it is called."""
+    found: dict[str, list[Foreign]] = {}
+    for distribution in sorted(distributions(), key=_name):
+        for point in distribution.entry_points:
+            if point.group == GROUP:
+                found.setdefault(point.name, []).append(Foreign(_name(distribution), point))
+    return found
+
+
+def _name(distribution: Distribution) -> str:
+    return str(distribution.metadata["Name"])
+
+
+class Commands(click.Group):
+    """The group of all commands; the shell around them that turns errors into one line and an exit code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """Ours in the order of their table, then everyone else's."""
+        return [*COMMANDS, *sorted(foreign_commands().keys() - COMMANDS.keys())]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import one command.
+
+        Raises:
+            UserError: two plugins announce it, or the plugin that does is broken.
+        """
+        if cmd_name in COMMANDS:
+            module, _, attribute = COMMANDS[cmd_name].target.partition(":")
+            command: click.Command = getattr(importlib.import_module(module), attribute)
+            return command
+        announced = foreign_commands().get(cmd_name, [])
+        if len(announced) > 1:
+            owners = " and by ".join(owner for owner, _ in announced)
+            raise UserError(f"command '{cmd_name}' is announced twice, by {owners}: uninstall one of them")
+        return _load(*announced[0]) if announced else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with a suggestion for a misspelt command."""
+        if args and not args[0].startswith("-") and args[0] not in self.list_commands(ctx):
+            ctx.fail(f"no such command '{args[0]}': {did_you_mean(args[0], self.list_commands(ctx))}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Names and summaries, from tables and metadata alone."""
+        foreign = foreign_commands()
+        rows = [
+            (name, COMMANDS[name].summary if name in COMMANDS else f"From {foreign[name][0].owner}.")
+            for name in self.list_commands(ctx)
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; what goes wrong ends here."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except (Exception, KeyboardInterrupt) as error:
+            if isinstance(error, OSError) and error.errno == errno.EPIPE:
+                raise  # the reader of our output left, as `head` does: click knows what to do
+            if ctx.params["traceback"]:
+                traceback.print_exc()
+            message, code = explain(error)
+            click.echo(message, err=True)
+            ctx.exit(code)
+
+
+def _load(owner: str, point: EntryPoint) -> click.Command:
+    try:
+        command = point.load()
+    except Exception as error:
+        raise UserError(
+            f"command '{point.name}' of {owner} cannot be loaded from '{point.value}': "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(command, click.Command):
+        raise UserError(f"command '{point.name}' of {owner} is {command!r}, which is not a click command")
+    return command
+
+
+def explain(error: BaseException) -> tuple[str, int]:
+    """What a person reads of an error, and the code to exit with."""
+    from pcsr.recipe import RecipeError  # here, as help pages need no pydantic
+
+    match error:
+        case RecipeError():  # its lines begin with their place, which editors and terminals make a link
+            return str(error), error.exit_code
+        case PcsrError():
+            return f"pcsr: error: {error}", error.exit_code
+        case KeyboardInterrupt():
+            return "interrupted; the same command again goes on from what is done", 130
+        case OSError(errno=errno.ENOSPC):
+            where = f" (writing {error.filename})" if error.filename else ""
+            return f"pcsr: error: the disk is full{where}: free some space and run again", RunError.exit_code
+    described = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"pcsr: error: {described} (run again with --traceback: pcsr --traceback …)", 1
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="pcsr")
+@click.option("--traceback", is_flag=True, help="Show where in the program an error arose.")
+def pcsr(traceback: bool) -> None:
+    """Point-cloud super-resolution with touch."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit.
+
+    0: done; 1: a failure; 2: a mistake in what was given; 130: interrupted.
+    """
+    pcsr.main(args=arguments, prog_name="pcsr")

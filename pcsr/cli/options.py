@@ -1,0 +1,40 @@
+"""Options that several commands share."""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+Result = TypeVar("Result")
+
+
+def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
+    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`."""
+
+    @click.option(
+        "--plugin",
+        "plugin_files",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Load parts from this Python file too. May be repeated.",
+    )
+    @functools.wraps(command)
+    def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
+        from pcsr.plugins import load_plugins
+
+        return command(*args, registry=load_plugins(plugin_files), **kwargs)
+
+    return with_registry
+
+
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change a recipe's value: --set train.epochs=5. The value is YAML. May be repeated.",
+)
+"""Gives a command `overrides`, as `pcsr.recipe.load` takes them."""

@@ -1,0 +1,64 @@
+"""`pcsr plugins`: the parts that recipes may name, and who brings them."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pcsr.cli import COMMANDS, foreign_commands
+from pcsr.cli.options import plugin_option
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pcsr.registry import Entry, Registry
+
+
+@click.command()
+@click.option("--why", "name", metavar="NAME", help="Say why a part or a plugin is there, or why it isn't.")
+@plugin_option
+def plugins(name: str | None, registry: "Registry") -> None:
+    """List the parts that recipes may name, and who brings them."""
+    if name is not None:
+        from pcsr.plugins import why
+
+        click.echo(why(registry, name))
+        return
+    from rich.console import Console
+
+    console = Console()
+    console.print(_table(registry))
+    for command, announced in foreign_commands().items():
+        owners = " and ".join(owner for owner, _ in announced)
+        note = " (not reachable: pcsr has a command of this name)" if command in COMMANDS else ""
+        console.print(f"command {command} comes from {owners}{note}", markup=False, soft_wrap=True)
+    for failure in registry.failures:
+        kind = type(failure.error).__name__
+        console.print(
+            f"{failure.owner} {failure.version} failed to load: {kind}: {failure.error} "
+            f"(pcsr plugins --why {failure.owner})",
+            style="red",
+            markup=False,
+            soft_wrap=True,
+        )
+
+
+def _table(registry: "Registry") -> "Table":
+    from rich.table import Column, Table
+
+    table = Table("kind", "name", "owner", "version", Column("traits", overflow="fold"))
+    for entry in registry:
+        table.add_row(entry.kind, entry.name, entry.owner, entry.version, _traits(entry))
+    return table
+
+
+def _traits(entry: "Entry") -> str:
+    """What the part claims about itself; the error, where it can't be loaded to ask it."""
+    from rich.markup import escape
+
+    from pcsr.errors import UserError
+
+    try:
+        part: type[Any] = entry.load()
+    except UserError as error:
+        return f"[red]{escape(str(error))}[/red]"
+    return ", ".join(sorted(part.traits))

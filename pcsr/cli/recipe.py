@@ -1,0 +1,76 @@
+"""`pcsr recipe`: check, show and describe recipes."""
+
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pcsr.cli.options import plugin_option, set_option
+
+if TYPE_CHECKING:
+    from pcsr.registry import Registry
+
+FILE = click.Path(path_type=Path)
+
+
+@click.group()
+def recipe() -> None:
+    """Check, show and describe recipes."""
+
+
+@recipe.command()
+@click.argument("files", nargs=-1, required=True, type=FILE)
+@set_option
+@plugin_option
+def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Registry") -> None:
+    """Check recipes: every mistake of every file, each with its place and the fix."""
+    from pcsr.errors import UserError
+    from pcsr.recipe import load
+
+    wrong = False
+    for file in files:
+        try:
+            recipes = load(file, registry, overrides)
+        except UserError as error:
+            wrong = True
+            click.echo(str(error), err=True)
+        else:
+            click.echo(f"{file}: good" + (f", {len(recipes)} runs" if len(recipes) > 1 else ""))
+    if wrong:
+        click.get_current_context().exit(UserError.exit_code)
+
+
+@recipe.command()
+@click.argument("file", type=FILE)
+@set_option
+@plugin_option
+def show(file: Path, overrides: tuple[str, ...], registry: "Registry") -> None:
+    """Print a recipe with every default filled in; with a matrix, one after another."""
+    from pcsr.recipe import load
+
+    texts = [to_yaml(one.resolved()) for one in load(file, registry, overrides)]
+    click.echo("---\n".join(texts), nl=False)
+
+
+@recipe.command()
+@plugin_option
+def schema(registry: "Registry") -> None:
+    """Print the JSON schema of recipes, for completion in editors."""
+    from pcsr.recipe.json_schema import json_schema
+
+    click.echo(json.dumps(json_schema(registry), indent=2))
+
+
+def to_yaml(data: dict[str, Any]) -> str:
+    """Plain data as YAML, mappings in blocks and lists in one line."""
+    from ruamel.yaml import YAML
+
+    text = io.StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment] # ruamel types it by its default
+    yaml.width = 110
+    yaml.dump(data, text)
+    return text.getvalue()

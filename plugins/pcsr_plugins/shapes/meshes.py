@@ -1,0 +1,113 @@
+"""Shapes `meshes`: the mesh files of a folder, split so that variants of one object stay together."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+import trimesh
+
+from pcsr import Item, Shapes, UserError
+from pcsr_plugins.shapes.soundness import check_mesh
+
+SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl")
+SPLITS = ("train", "validation", "test")
+
+
+class Meshes(Shapes):
+    """STL, OBJ, PLY, OFF and GLB files anywhere under a folder.
+
+    Files of one sub-folder are one group and fall to one split, so that variants of an object never straddle
+    two; a file at the top is a group of its own. The split hangs on the group's name and the seed alone:
+    adding or removing files moves no other file.
+    """
+
+    def __init__(self, *, folder: str, validation: float = 0.1, test: float = 0.1, seed: int = 0) -> None:
+        """Look at nothing but whether the folder is there.
+
+        Args:
+            folder: where the files are. Their unit is taken to be that of the touch source (`digit`: mm).
+            validation: the share of groups that validate, 0 to 1.
+            test: the share of groups that test, 0 to 1.
+            seed: another seed, another split.
+
+        Raises:
+            UserError: no such folder, or the shares leave nothing to train on.
+        """
+        self.folder = Path(folder).expanduser()
+        self.validation, self.test, self.seed = validation, test, seed
+        if not self.folder.is_dir():
+            raise UserError(f"meshes: folder '{folder}' is not there: give one with {_suffixes()} files")
+        if not (0 <= validation < 1 and 0 <= test < 1 and validation + test < 1):
+            raise UserError(
+                f"meshes: validation {validation} and test {test} must be shares from 0 to 1 with a sum below 1"
+            )
+
+    def names(self, split: str) -> Sequence[str]:
+        """Paths below the folder, with forward slashes, sorted.
+
+        Raises:
+            UserError: an unknown split, a folder without meshes, or a split that no group fell to.
+        """
+        if split not in SPLITS:
+            raise UserError(f"meshes has no split '{split}': it has {', '.join(SPLITS)}")
+        found = sorted(
+            path.relative_to(self.folder).as_posix()
+            for path in self.folder.rglob("*")
+            if path.suffix.lower() in SUFFIXES and path.is_file()
+        )
+        if not found:
+            raise UserError(f"meshes: no {_suffixes()} file is anywhere under '{self.folder}'")
+        names = [name for name in found if self._split(group_of(name)) == split]
+        if not names and (split == "train" or getattr(self, split) > 0):
+            groups = len({group_of(name) for name in found})
+            raise UserError(
+                f"meshes: none of the {groups} groups under '{self.folder}' fell to "
+                f"'{split}': take another seed, another share, or sort the files into more sub-folders"
+            )
+        return names
+
+    def item(self, name: str) -> Item:
+        """Load one file; the meshes of a scene are joined into one.
+
+        Raises:
+            UserError: no such file, one that cannot be read, or a mesh that `check_mesh` refuses.
+        """
+        inside = PurePosixPath(name)
+        path = self.folder / inside
+        if inside.is_absolute() or ".." in inside.parts or not path.is_file():
+            raise UserError(f"meshes: '{name}' is not a file under '{self.folder}'")
+        return Item(name, group_of(name), _load(path))
+
+    def _split(self, group: str) -> str:
+        digest = hashlib.sha256(f"{self.seed}/{group}".encode()).digest()
+        place = int.from_bytes(digest[:8], "big") / 2**64
+        if place < self.test:
+            return "test"
+        return "validation" if place < self.test + self.validation else "train"
+
+
+def group_of(name: str) -> str:
+    """The sub-folder that a file is in, or the file itself at the top."""
+    parent = PurePosixPath(name).parent.as_posix()
+    return name if parent == "." else parent
+
+
+def _suffixes() -> str:
+    return ", ".join(SUFFIXES)
+
+
+def _load(path: Path) -> trimesh.Trimesh:
+    """The file's triangles, checked, then with equal corners merged: STL repeats each for every face."""
+    try:
+        # Unprocessed: processing drops faces that are not finite, and whoever exported them should know.
+        scene = trimesh.load_scene(path, process=False, skip_materials=True)
+        for geometry in scene.geometry.values():
+            geometry.visual = (
+                trimesh.visual.ColorVisuals()
+            )  # textures would split corners and need an image library
+        loaded = scene.to_mesh()
+    except Exception as error:  # the readers raise whatever a malformed file makes them trip over
+        raise UserError(f"{path} cannot be read as a mesh: {type(error).__name__}: {error}") from error
+    mesh = check_mesh(loaded, str(path))
+    mesh.merge_vertices(merge_norm=True)
+    return mesh

@@ -1,0 +1,173 @@
+"""Every mistake of a recipe is reported at once, at its line and column, with the fix."""
+
+import pytest
+
+from pcsr.metrics import METRICS
+from pcsr.recipe import RecipeError, load
+
+
+def lines(path, registry, overrides=()):
+    """What is wrong with a recipe, without the folder in which it is."""
+    with pytest.raises(RecipeError) as caught:
+        load(path, registry, overrides)
+    return str(caught.value).replace(f"{path.parent}/", "").splitlines()
+
+
+def test_all_mistakes_at_once_each_in_its_place(write, registry):
+    path = write("""
+        name: Bad Name
+        sed: 1
+        data:
+          touches: many
+          touch: {use: digit, points: 6.5}
+        model:
+          encoder: {use: net, channels: 0, ordr: file}
+          fusion: atention
+          backbone:
+            use: refine
+            steps: [1]
+        train: {epochs: -3, augment: [rotate, shear]}
+        evaluate:
+          metrics: [cd, chamfer]
+    """)
+    assert lines(path, registry) == [
+        "recipe.yaml:1:7: name: string should match pattern '^[a-z0-9][a-z0-9.-]*$', got 'Bad Name'",
+        "recipe.yaml:2:1: a recipe takes no 'sed': did you mean 'seed'?",
+        "recipe.yaml:4:12: data.touches: input should be a valid integer, got 'many'",
+        "recipe.yaml:5:31: touch 'digit'.points: input should be a valid integer, got 6.5",
+        "recipe.yaml:7:3: model.upsampler is missing: add it",
+        "recipe.yaml:7:33: encoder 'net'.channels: input should be greater than 0, got 0",
+        "recipe.yaml:7:36: encoder 'net' takes no 'ordr': did you mean 'order'?",
+        "recipe.yaml:8:11: there is no fusion 'atention': did you mean 'attention'?",
+        "recipe.yaml:11:12: backbone 'refine'.steps: input should be a valid integer, got [1]",
+        "recipe.yaml:12:17: train.epochs: input should be greater than or equal to 1, got -3",
+        "recipe.yaml:12:39: train.augment.1: input should be 'rotate', 'scale', 'jitter' or 'redraw', "
+        "got 'shear'",
+        "recipe.yaml:14:17: evaluate.metrics.1: input should be 'cd', 'hd', 'hd-pugcn', 'emd' or 'p2f', "
+        "got 'chamfer'",
+    ]
+
+
+def test_mistakes_in_parent_child_matrix_and_options_are_reported_together(write, registry):
+    write("name: parent\nseed: -1\n", "parent.yaml", model=True)
+    path = write("""
+        extends: parent.yaml
+        train: {batch: none}
+        matrix:
+          data.points: [64, 8]
+          model.fusoin: [blend, attention]
+    """)
+    assert lines(path, registry, ["train.epochs=0", "model.encoder.channels='8'", "nonsense"]) == [
+        "--set model.encoder.channels='8': encoder 'net'.channels: input should be a valid integer, got '8'",
+        "--set nonsense: write --set dotted.key=value, for example --set train.epochs=5",
+        "--set train.epochs=0: train.epochs: input should be greater than or equal to 1, got 0",
+        "parent.yaml:2:7: seed: input should be greater than or equal to 0, got -1",
+        "recipe.yaml:2:16: train.batch: input should be a valid integer, got 'none'",
+        "recipe.yaml:4:21: data.points: input should be greater than or equal to 16, got 8",
+        "recipe.yaml:5:3: model takes no 'fusoin': did you mean 'fusion'?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name: a\nmodel: {fusion: null, encoder: 3, backbone: {steps: 1}, upsampler: dense}", [
+            "recipe.yaml:2:17: model.fusion: name the part, as `fusion: attention` or with `use:`",
+            "recipe.yaml:2:32: model.encoder: name the part, as `encoder: net` or with `use:`",
+            "recipe.yaml:2:45: model.backbone: name the part, as `backbone: refine` or with `use:`",
+        ]),
+        ("name: a\nmodel: {encoder: net, fusion: {use: attention}, backbone: refine, upsampler: dense}", [
+            "recipe.yaml:2:31: fusion 'attention'.heads is missing: add it",
+        ]),
+        ("name: a\nmodel: net\ndata: 5", [
+            "recipe.yaml:2:8: model is a section: write its keys under it, got 'net'",
+            "recipe.yaml:3:7: data is a section: write its keys under it, got 5",
+        ]),
+        ("seed: 1\nmodel: {encoder: net, fusion: blend, backbone: refine, upsampler: dense}", [
+            "recipe.yaml:1:1: name is missing: add it",
+        ]),
+    ],
+    ids=["parts without a name", "option without default", "sections that are none", "no name"],
+)  # fmt: skip
+def test_what_is_missing(write, registry, text, expected):
+    assert lines(write(text), registry) == expected
+
+
+def test_a_part_that_cannot_be_loaded_is_a_mistake_at_its_use(write, registry):
+    path = write("name: a\nmodel: {encoder: net, fusion: broken, backbone: refine, upsampler: dense}")
+    assert lines(path, registry) == [
+        "recipe.yaml:2:31: fusion 'broken' of tests cannot be loaded from 'pcsr_no_such_module:Broken': "
+        "ModuleNotFoundError: No module named 'pcsr_no_such_module'"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("touches", "said"),
+    [
+        ("[5, 2]", "18: train.touches: the least, 5, is more than the most, 2: swap them"),
+        (
+            "[0, 1, 2]",
+            "18: train.touches: input should be a valid integer or tuple should have at most 2 items",
+        ),
+        ("[0, 17]", "22: train.touches.1: input should be less than or equal to 16, got 17"),
+    ],
+)
+def test_touches_in_training(write, registry, touches, said):
+    (line,) = lines(write(f"name: a\ntrain: {{touches: {touches}}}", model=True), registry)
+    assert line.startswith(f"recipe.yaml:2:{said}"), line
+
+
+def test_a_touch_encoder_that_nobody_hears(write, registry):
+    path = write("""
+        name: a
+        model: {encoder: net, touch_encoder: net, fusion: deaf, backbone: refine, upsampler: dense}
+    """)
+    assert lines(path, registry) == [
+        "recipe.yaml:2:38: fusion 'deaf' hears no touch features, so a touch_encoder would idle: remove it"
+    ]
+
+
+@pytest.mark.parametrize("value", [".inf", ".nan", "'1e-3'", "true"])
+def test_a_rate_is_a_finite_number(write, registry, value):
+    (line,) = lines(write(f"name: a\ntrain: {{rate: {value}}}", model=True), registry)
+    assert line.startswith("recipe.yaml:2:15: train.rate: input should be a ")
+
+
+def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry):
+    names = ", ".join(METRICS)
+    (recipe,) = load(write(f"name: a\nevaluate: {{metrics: [{names}]}}", model=True), registry)
+    assert recipe.evaluate.metrics == tuple(METRICS)
+    (line,) = lines(write("name: a\nevaluate: {metrics: [other]}", model=True), registry)
+    assert all(f"'{name}'" in line for name in METRICS)
+
+
+def test_a_name_that_stands_in_a_list_twice(write, registry):
+    text = "name: a\ntrain: {augment: [scale, jitter, scale]}\nevaluate: {metrics: [cd, cd], beside: []}"
+    assert lines(write(text, model=True), registry) == [
+        "recipe.yaml:2:34: train.augment: 'scale' is there already: remove one of the two",
+        "recipe.yaml:3:26: evaluate.metrics: 'cd' is there already: remove one of the two",
+    ]
+
+
+def test_a_seed_that_generators_do_not_take(write, registry):
+    assert load(write(f"name: a\nseed: {2**32 - 1}", model=True), registry)[0].seed == 2**32 - 1
+    assert lines(write(f"name: a\nseed: {2**32}", model=True), registry) == [
+        "recipe.yaml:2:7: seed: input should be less than 4294967296, got 4294967296"
+    ]
+
+
+def test_a_key_written_twice_is_reported_with_all_other_mistakes(write, registry):
+    path = write("name: a\nname: b\ndata: {touches: 99}\nsed: 1", model=True)
+    assert lines(path, registry) == [
+        "recipe.yaml:2:1: 'name' is written twice: remove one of the two",
+        "recipe.yaml:3:17: data.touches: input should be less than or equal to 16, got 99",
+        "recipe.yaml:4:1: a recipe takes no 'sed': did you mean 'seed'?",
+    ]
+
+
+def test_what_could_not_be_read_is_one_mistake_beside_the_others(write, registry):
+    path = write("name: a\nseed: !env SEED\ndata: {touches: 99}", model=True)
+    assert lines(path, registry) == [
+        "recipe.yaml:2:7: recipes are plain data: remove the tag !env",
+        "recipe.yaml:3:17: data.touches: input should be less than or equal to 16, got 99",
+    ]

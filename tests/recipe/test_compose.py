@@ -1,0 +1,312 @@
+"""`extends`, `--set` and `matrix`: what they make of the data, and where each piece of it stands then."""
+
+import copy
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr.recipe import RecipeError
+from pcsr.recipe.compose import _expand, assign, compose, merge, spell_out
+from pcsr.recipe.schema import DEFAULTS, NAME
+from pcsr.recipe.source import Place, Source, parse
+
+LEAVES = st.integers(0, 9) | st.text("xyz", max_size=2) | st.lists(st.integers(0, 9), max_size=2)
+NAMES = st.sampled_from("abcd")
+TREES = st.recursive(
+    st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionaries(NAMES, inner | LEAVES), max_leaves=8
+)
+
+
+def source(tree, origin="file"):
+    """A source that knows where each value stands: in a file of this name, whatever the line."""
+    made = Source(copy.deepcopy(tree), {(): Place(origin)})
+
+    def note(keys, node):
+        for key, value in node.items() if isinstance(node, dict) else ():
+            made.values[(*keys, key)] = made.names[(*keys, key)] = Place(origin)
+            note((*keys, key), value)
+
+    note((), tree)
+    return made
+
+
+def slow_merge(under, over):
+    """The definition: keys of either; mappings merged, everything else from above."""
+    if not (isinstance(under, dict) and isinstance(over, dict)):
+        return over
+    both = {key: slow_merge(under[key], over[key]) for key in under.keys() & over.keys()}
+    return {**under, **over, **both}
+
+
+@given(TREES, TREES)
+def test_merge_is_its_definition(a, b):
+    assert merge(source(a), source(b)).data == slow_merge(a, b)
+
+
+@given(TREES)
+def test_merging_with_nothing_changes_nothing(a):
+    assert merge(source(a), source({})).data == merge(source({}), source(a)).data == a
+
+
+@given(TREES, TREES, TREES)
+def test_merge_is_associative_of_trees_that_agree_on_what_is_a_mapping(a, b, c):
+    # A leaf that replaces a mapping forgets what was in it, so that the order matters: keep the shapes apart.
+    a, b, c = (_sections(tree) for tree in (a, b, c))
+    left = merge(merge(source(a), source(b)), source(c))
+    right = merge(source(a), merge(source(b), source(c)))
+    assert left.data == right.data
+
+
+def _sections(tree):
+    """The same tree with mappings and leaves under different names."""
+    return {
+        f"{key}-map" if isinstance(value, dict) else key: _sections(value)
+        if isinstance(value, dict)
+        else value
+        for key, value in tree.items()
+    }
+
+
+@given(TREES, TREES)
+def test_each_leaf_keeps_the_place_of_the_file_that_it_came_from(a, b):
+    merged = merge(source(a, "under"), source(b, "over"))
+
+    def leaves(node, keys=()):
+        if isinstance(node, dict) and node:
+            for key, value in node.items():
+                yield from leaves(value, (*keys, key))
+        else:
+            yield keys
+
+    for keys in leaves(merged.data):
+        written = b
+        for key in keys:
+            written = written.get(key, ...) if isinstance(written, dict) else ...
+        from_over = written is not ... and written == _at(merged.data, keys) and not (written == {} and keys)
+        if from_over and keys:
+            assert merged.place(keys).origin == "over"
+        elif keys and written is ...:
+            assert merged.place(keys).origin == "under"
+
+
+def _at(node, keys):
+    for key in keys:
+        node = node[key]
+    return node
+
+
+@given(TREES, TREES)
+def test_merge_changes_neither_of_the_two(a, b):
+    under, over = source(a), source(b)
+    merged = merge(under, over)
+    merged.data["new"] = 1
+    for value in merged.data.values():
+        if isinstance(value, list):
+            value.append("changed")
+    assert (under.data, over.data) == (a, b)
+
+
+def model(text):
+    return spell_out(parse(f"model: {{encoder: {text}}}", "file"))
+
+
+@pytest.mark.parametrize(
+    ("under", "over", "expected"),
+    [
+        ("net", "net", {"use": "net"}),
+        ("{use: net, channels: 4}", "net", {"use": "net", "channels": 4}),
+        ("{use: net, channels: 4}", "{channels: 8}", {"use": "net", "channels": 8}),
+        ("net", "{channels: 8}", {"use": "net", "channels": 8}),
+        ("{use: net, channels: 4}", "mlp", {"use": "mlp"}),
+        ("{use: net, channels: 4}", "{use: mlp, width: 2}", {"use": "mlp", "width": 2}),
+        ("{use: net, channels: 4}", "null", None),
+        ("null", "net", {"use": "net"}),
+    ],
+)
+def test_options_go_with_their_part(under, over, expected):
+    assert merge(model(under), model(over)).data == {"model": {"encoder": expected}}
+
+
+def test_extends_is_relative_to_its_file_and_goes_on(write):
+    write("name: root\nseed: 1\ntrain: {epochs: 9, batch: 2}", "shared/root.yaml")
+    write("extends: root.yaml\nname: middle\ntrain: {epochs: 5}", "shared/middle.yaml")
+    (made,) = compose(write("extends: shared/middle.yaml\nname: leaf"))
+    assert made.data == {"name": "leaf", "seed": 1, "train": {"epochs": 5, "batch": 2}}
+    found = {
+        keys: made.place(keys).origin.rpartition("/")[2]
+        for keys in [("name",), ("seed",), ("train", "epochs")]
+    }
+    assert found == {("name",): "recipe.yaml", ("seed",): "root.yaml", ("train", "epochs"): "middle.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "name: a\nextends: nothing.yaml",
+            r"recipe\.yaml:2:10: there is no recipe .*nothing\.yaml: extends is relative",
+        ),
+        (
+            "extends: recipe.yaml",
+            r"recipe\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn: break the circle",
+        ),
+        ("extends: other.yaml", r"other\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn"),
+        ("extends: [a, b]", r"recipe\.yaml:1:10: extends names one recipe file, got \['a', 'b'\]"),
+    ],
+)
+def test_extends_that_leads_nowhere(write, text, said):
+    write("extends: recipe.yaml", "other.yaml")
+    with pytest.raises(RecipeError, match=said):
+        compose(write(text))
+
+
+@given(st.lists(st.sampled_from("abcd"), min_size=1, max_size=3), LEAVES, TREES)
+def test_set_is_a_merge_of_one_value(keys, value, tree):
+    made = source(tree)
+    assign(made, tuple(keys), value, Place("--set"))
+    nested = value
+    for key in reversed(keys):
+        nested = {key: nested}
+    assert made.data == slow_merge(tree, nested)
+    assert made.place(tuple(keys)) == Place("--set")
+
+
+def test_set_reaches_into_a_part_by_its_bare_name(write):
+    path = write("name: a\nmodel: {encoder: net, fusion: blend}")
+    (made,) = compose(path, ["model.encoder.channels=4", "model.fusion={use: attention, heads: 2}", "seed=3"])
+    assert made.data == {
+        "name": "a",
+        "seed": 3,
+        "model": {"encoder": {"use": "net", "channels": 4}, "fusion": {"use": "attention", "heads": 2}},
+    }
+    assert made.place(("model", "encoder", "use")) == Place(str(path), 2, 18)
+    assert made.place(("model",)) == Place(str(path), 2, 8)
+    assert made.place(("model", "encoder", "channels")) == Place("--set model.encoder.channels=4")
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("train.epochs", "write --set dotted.key=value"),
+        ("=3", "write --set dotted.key=value"),
+        ("train..epochs=3", "write --set dotted.key=value"),
+        ("train.epochs=[1", "expected ',' or ']'"),
+        ("extends=other.yaml", "extends is read before --set"),
+    ],
+)
+def test_a_set_that_cannot_be_read_is_kept_as_a_mistake(write, override, said):
+    (made,) = compose(write("name: a"), [override, "seed=2"])
+    (mistake,) = made.mistakes
+    assert mistake.place == Place(f"--set {override}")
+    assert said in mistake.text
+    assert made.data == {"name": "a", "seed": 2}
+
+
+def test_matrix_is_a_product_with_tidy_names(write):
+    path = write("""
+        name: grid
+        train: {epochs: 1}
+        matrix:
+          model.fusion: [none, {use: Cross_Attention, heads: 2}]
+          train.touches: [0, [0, 5]]
+    """)
+    runs = compose(path)
+    assert [run.data["name"] for run in runs] == [
+        "grid-fusion.none-touches.0",
+        "grid-fusion.none-touches.0.5",
+        "grid-fusion.cross.attention-touches.0",
+        "grid-fusion.cross.attention-touches.0.5",
+    ]
+    assert runs[3].data["model"]["fusion"] == {"use": "Cross_Attention", "heads": 2}
+    assert runs[3].data["train"] == {"epochs": 1, "touches": [0, 5]}
+    assert runs[3].place(("train", "touches")) == Place(str(path), 5, 22)
+    assert "matrix" not in runs[0].data
+
+
+def test_keys_of_a_matrix_may_vary_together(write):
+    path = write("""
+        name: rows
+        model: {encoder: net, touch_encoder: net, fusion: blend}
+        matrix:
+          row:
+            - {model.fusion: none, model.touch_encoder: null}
+            - {model.fusion: blend}
+    """)
+    without, whole = compose(path)
+    assert (without.data["name"], whole.data["name"]) == ("rows-row.none", "rows-row.blend")
+    assert without.data["model"] == {
+        "encoder": {"use": "net"},
+        "touch_encoder": None,
+        "fusion": {"use": "none"},
+    }
+    assert whole.data["model"]["touch_encoder"] == {"use": "net"}
+    assert without.place(("model", "fusion")) == Place(str(path), 5, 22)
+
+
+def test_runs_of_a_matrix_are_numbered_where_their_labels_are_the_same(write):
+    path = write("""
+        name: widths
+        matrix:
+          model.encoder: [{use: net, channels: 4}, {use: net, channels: 8}, mlp]
+          seed: [1, 2]
+    """)
+    assert [run.data["name"] for run in compose(path)] == [
+        f"widths-encoder.{label}-seed.{seed}" for label in ("net.1", "net.2", "mlp.3") for seed in (1, 2)
+    ]
+
+
+@given(st.lists(st.integers(-9, 9) | st.text("aB-_. ", max_size=3), min_size=1, max_size=6))
+def test_every_run_of_a_matrix_has_a_legal_name_of_its_own(values):
+    recipe = source({"name": "a", "matrix": {"data.key": values}})
+    names = [run.data["name"] for run in _expand(recipe)]
+    assert len(set(names)) == len(values)
+    assert all(re.fullmatch(NAME, name) for name in names)
+
+
+def test_a_bad_name_is_kept_as_it_is_written(write):
+    (run,) = compose(write('name: "a\\n"\nmatrix: {seed: [1]}'))
+    assert run.data["name"] == "a\n"
+
+
+def test_a_recipe_without_a_model_gets_the_default_one_before_it_is_changed(write):
+    path = write("name: a\nmatrix: {model.backbone.blocks: [2]}")
+    (run,) = compose(path, ["model.encoder.channels=64"])
+    expected = copy.deepcopy(DEFAULTS["model"])
+    expected["encoder"]["channels"], expected["backbone"]["blocks"] = 64, 2
+    assert run.data["model"] == expected != DEFAULTS["model"]
+    (run,) = compose(write("name: a"), ["model={encoder: net}"])  # whoever writes a model names its parts
+    assert run.data["model"] == {"encoder": {"use": "net"}}
+
+
+def test_set_wins_over_the_matrix(write):
+    path = write("name: a\nmatrix: {seed: [1, 2], data.points: [64, 128]}")
+    runs = compose(path, ["data.points=32"])
+    assert [run.data for run in runs] == [
+        {"name": f"a-seed.{seed}", "seed": seed, "data": {"points": 32}} for seed in (1, 2)
+    ]
+    together = write("name: a\nmatrix: {row: [{data.points: 64, data.rate: 2}]}", "together.yaml")
+    (run,) = compose(together, ["data.rate=4"])
+    assert [mistake.text for mistake in run.mistakes] == [
+        "the matrix varies data.rate together with others: change matrix.row in the file"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "column"),
+    [("[1]", 9), ("{seed: 1}", 16), ("{seed: []}", 16), ("{data.rate: [2], seed: {a: 1}}", 32)],
+)
+def test_what_is_no_matrix(write, matrix, column):
+    (made,) = compose(write(f"name: a\nmatrix: {matrix}"))
+    (mistake,) = made.mistakes
+    assert (mistake.place.line, mistake.place.column) == (2, column)
+    assert "lists of values" in mistake.text
+
+
+@pytest.mark.parametrize("axis", ["extends", "matrix"])
+def test_a_matrix_varies_no_composition(write, axis):
+    (made,) = compose(write(f"name: a\nmatrix: {{seed: [1], {axis}: [x, y]}}"))
+    (mistake,) = made.mistakes
+    assert (mistake.place.line, mistake.place.column) == (2, 21)
+    assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"

@@ -1,0 +1,55 @@
+"""The schema that editors complete with: the sections, and the options of the parts that are installed."""
+
+import json
+
+from pcsr.recipe.compose import PARTS
+from pcsr.recipe.json_schema import json_schema
+
+
+def choices(schema, kind):
+    """The mapping forms of a kind of part, by name."""
+    names, *forms = schema["$defs"][f"{kind}-part"]["anyOf"]
+    assert names["enum"] == [form["properties"]["use"]["const"] for form in forms]
+    return {form["properties"]["use"]["const"]: form for form in forms}
+
+
+def test_each_part_is_offered_with_its_options(registry):
+    schema = json_schema(registry)
+    net = choices(schema, "encoder")["net"]
+    assert list(net["properties"]) == ["use", "channels", "order", "layers", "dropout"]
+    assert net["properties"]["channels"]["exclusiveMinimum"] == 0
+    assert net["properties"]["order"]["enum"] == ["hilbert", "file"]
+    assert net["additionalProperties"] is False
+    assert "required" not in net  # `{channels: 4}` alone may be laid over a parent's encoder
+    assert "heads" in choices(schema, "fusion")["attention"]["properties"]
+
+
+def test_a_part_that_cannot_be_loaded_is_not_offered(registry):
+    assert list(choices(json_schema(registry), "fusion")) == ["attention", "blend", "deaf"]
+
+
+def test_every_place_of_a_part_is_described(registry):
+    schema = json_schema(registry)
+    for (section, key), kind in PARTS.items():
+        assert schema["$defs"][section.capitalize()]["properties"][key] == {
+            "$ref": f"#/$defs/{kind}-part"
+        } or ((section, key) == ("model", "touch_encoder"))
+    assert {"type": "null"} in schema["$defs"]["Model"]["properties"]["touch_encoder"]["anyOf"]
+
+
+def test_sections_and_composition(registry):
+    schema = json.loads(json.dumps(json_schema(registry)))
+    assert set(schema["properties"]) == {
+        "name",
+        "seed",
+        "data",
+        "model",
+        "train",
+        "evaluate",
+        "extends",
+        "matrix",
+    }
+    assert schema["required"] == []  # a recipe that extends another may leave out everything
+    assert "touches" in schema["$defs"]["Data"]["properties"]
+    referenced = {part.partition('"')[0] for part in json.dumps(schema).split("#/$defs/")[1:]}
+    assert referenced == schema["$defs"].keys()

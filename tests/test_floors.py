@@ -1,0 +1,153 @@
+"""The floors of the house: a file imports only from floors below its own, or from its own package."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+FLOORS = {
+    "pcsr.cli": 6,
+    "pcsr.report": 5,
+    "pcsr.run": 5,
+    "pcsr.train": 4,
+    "pcsr.evaluate": 4,
+    "pcsr.upsample": 4,
+    "pcsr.model": 3,
+    "pcsr.graft": 3,
+    "pcsr.checkpoint": 3,
+    "pcsr.data": 3,
+    "pcsr.testing": 3,
+    "pcsr.weights": 3,
+    "pcsr.recipe": 2,
+    "pcsr.registry": 1,
+    "pcsr.plugins": 1,
+    "pcsr.hookspecs": 1,
+    "pcsr.contracts": 1,
+    "pcsr.metrics": 1,
+    "pcsr.clouds": 1,
+    "pcsr.geometry": 0,
+    "pcsr.tensors": 0,
+    "pcsr.files": 0,
+    "pcsr.errors": 0,
+}
+SAME_FLOOR = {
+    # Of two files of one floor the first may use the second.
+    ("pcsr.files", "pcsr.errors"),
+    ("pcsr.geometry", "pcsr.errors"),
+    ("pcsr.geometry", "pcsr.tensors"),
+    ("pcsr.plugins", "pcsr.registry"),
+    ("pcsr.plugins", "pcsr.hookspecs"),
+    ("pcsr.contracts", "pcsr.clouds"),
+    ("pcsr.registry", "pcsr.contracts"),
+    ("pcsr.checkpoint", "pcsr.model"),
+    ("pcsr.graft", "pcsr.model"),
+    ("pcsr.evaluate", "pcsr.upsample"),
+    ("pcsr.train", "pcsr.upsample"),
+    ("pcsr.report", "pcsr.run"),
+    ("pcsr.testing", "pcsr.model"),
+}
+PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts")
+"""What a plugin may import besides the names of `pcsr` itself."""
+
+
+def name_of(path: Path) -> str:
+    root = ROOT / "plugins" if "plugins" in path.relative_to(ROOT).parts[:1] else ROOT
+    return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+
+
+FILES = {
+    name_of(path): path
+    for folder in ("pcsr", "plugins/pcsr_plugins")
+    for path in (ROOT / folder).rglob("*.py")
+}
+
+
+def imports(tree: ast.AST, *, top: bool = False) -> set[str]:
+    """Modules that a file imports, other than for its types alone; `top`: not those inside of functions."""
+    found = set()
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide where a name is from"
+            # `from pcsr import train` may import the module pcsr.train, or a name of pcsr.
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (inner & FILES.keys()) or {str(node.module)}
+        else:
+            for_types = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+            if not for_types and not (top and isinstance(node, ast.FunctionDef)):
+                found |= imports(node, top=top)
+    return found
+
+
+def parse(name: str) -> ast.Module:
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
+
+
+def unit(module: str) -> str:
+    """The file or package of the table that a module belongs to."""
+    return ".".join(module.split(".")[:2])
+
+
+def ours(package: str) -> list[str]:
+    return sorted(name for name in FILES if name.split(".")[0] == package)
+
+
+@pytest.mark.parametrize("name", [name for name in ours("pcsr") if name != "pcsr"])
+def test_a_file_imports_only_from_below(name):
+    own = unit(name)
+    assert own in FLOORS, f"{own} has no floor: give it one in the table above"
+    for module in imports(parse(name)):
+        if module.split(".")[0] != "pcsr" or unit(module) in (own, "pcsr"):
+            continue
+        below = FLOORS[unit(module)] < FLOORS[own] or (own, unit(module)) in SAME_FLOOR
+        assert below, f"{name} imports {module}, which is not on a floor below"
+
+
+@pytest.mark.parametrize("name", ours("pcsr"))
+def test_the_host_never_imports_its_plugins(name):
+    assert not {module for module in imports(parse(name)) if module.split(".")[0] == "pcsr_plugins"}
+
+
+@pytest.mark.parametrize("name", ours("pcsr_plugins"))
+def test_plugins_import_only_what_is_public(name):
+    for module in imports(parse(name)):
+        if module.split(".")[0] == "pcsr":
+            assert module == "pcsr" or unit(module) in PUBLIC, f"{name} imports {module}, which is not public"
+
+
+@pytest.mark.parametrize("name", [name for name in ours("pcsr") if unit(name) == "pcsr.cli"])
+def test_commands_import_nothing_heavy_before_they_are_called(name):
+    top = imports(parse(name), top=True)
+    allowed = {"pcsr", "pcsr.errors"}
+    assert not {
+        m
+        for m in top
+        if m.split(".")[0] in ("torch", "numpy", "scipy", "trimesh", "plotly", "pydantic", "rich")
+    }
+    assert not {m for m in top if m.split(".")[0] == "pcsr" and m not in allowed and unit(m) != "pcsr.cli"}
+
+
+def test_files_whose_names_say_nothing_are_not_here():
+    assert not {
+        name
+        for name in FILES
+        if name.split(".")[-1] in ("utils", "util", "helpers", "common", "base", "misc")
+    }
+
+
+def test_floors_of_the_same_height_go_one_way():
+    for one, other in SAME_FLOOR:
+        assert FLOORS[one] == FLOORS[other]
+        assert (other, one) not in SAME_FLOOR
+
+
+def test_the_search_for_imports_finds_them_all():
+    tree = ast.parse("import a.b\nfrom c import d\nif TYPE_CHECKING:\n    import e\ndef f():\n    import g\n")
+    assert imports(tree) == {"a.b", "c", "g"}
+    assert imports(tree, top=True) == {"a.b", "c"}
+    assert imports(ast.parse("from pcsr import train, Fusion")) >= {"pcsr.train"}
+    with pytest.raises(AssertionError):
+        imports(ast.parse("from . import a"))
