@@ -39,7 +39,7 @@ class Meshes(Shapes):
             raise UserError(f"meshes: folder '{folder}' is not there: give one with {_suffixes()} files")
         if not (0 <= validation < 1 and 0 <= test < 1 and validation + test < 1):
             raise UserError(
-                f"meshes: validation {validation} and test {test} must be shares from 0 to 1 with a sum below 1"
+                f"meshes: validation {validation} and test {test} must be shares of 1, together less than 1"
             )
 
     def names(self, split: str) -> Sequence[str]:

@@ -50,7 +50,8 @@ def housing(draw: Draw) -> Manifold:
     body = extrude(outline, h) - extrude(outline.offset(-wall), h).translate((0, 0, wall))
     boss = draw(2.5, 4.5)
     corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
-    places = [(x * (a / 2 - wall - boss), y * (b / 2 - wall - boss)) for x, y in corners]
+    inset = wall + 0.8 * boss
+    places = [(x * (a / 2 - inset), y * (b / 2 - inset)) for x, y in corners]
     height = h * draw(0.5, 0.95)
     body += grid_of(cylinder(boss, height, SMALL), places)
     body -= grid_of(cylinder(0.45 * boss, h, SMALL).translate((0, 0, wall)), places)

@@ -48,7 +48,7 @@ def tray(draw: Draw) -> Manifold:
 
 
 def pad(draw: Draw) -> Manifold:
-    """A block or disc without a sharp edge: a cushion, ball foot or handle, with a bore, a groove or a dent."""
+    """A block or disc without a sharp edge: a cushion, foot or handle, with a bore, groove or dent."""
     a, b, h, r = draw(18, 40), draw(16, 36), draw(14, 34), draw(2.5, 7)
     ball = Manifold.sphere(r, SMALL)
     kind = draw.one_of(["block", "wedge", "disc", "ball"])

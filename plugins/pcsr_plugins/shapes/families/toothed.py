@@ -139,7 +139,7 @@ def impeller(draw: Draw) -> Manifold:
         low = draw(0.4, 0.75)
         solid ^= turned([(0, 0), (r + 1, 0), (r + 1, base + low * h), (hub, base + h), (0, base + h)])
     body = cylinder(r, base, 96) + union(solid.rotate((0, 0, 360 * i / blades)) for i in range(blades))
-    body += turned([(0, 0), (hub + draw(0, 4), 0), (hub, base + h), (0, base + h)])
+    body += turned([(0, 0), (hub + draw(0, 4), 0), (hub, base + h + 0.4), (0, base + h + 0.4)])
     if draw.maybe(0.4):
         rim = CrossSection.circle(r, 96) - CrossSection.circle(r - draw(1.5, 2.5), 96)
         body += extrude(rim, base + 0.9 * h)

@@ -1,0 +1,156 @@
+import json
+import pickle
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from manifold3d import Manifold
+
+from pcsr import UserError
+from pcsr_plugins.shapes import cad_parts
+from pcsr_plugins.shapes.cad_parts import FAMILIES, GRID, CadParts
+
+FINGERPRINTS = Path(__file__).with_name("fingerprints.json")
+"""Area, volume, extents and faces of the first part of each family; `python test_cad_parts.py` rewrites it."""
+
+
+@cache
+def part(name):
+    return CadParts().item(name).mesh
+
+
+def fingerprint(mesh):
+    """What a machine whose sines differ in the last bit still reproduces."""
+    numbers = [mesh.area, mesh.volume, *mesh.extents, *np.sort(mesh.vertices, axis=0).mean(axis=0)]
+    return [float(f"{number:.5g}") for number in numbers]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("split", ["train", "validation", "test"])
+def test_every_part_is_one_sound_body(family, split):
+    for number in range(2):
+        mesh = part(f"{split}/{family}/{number:04d}")
+        assert mesh.is_watertight
+        assert mesh.is_winding_consistent
+        assert mesh.body_count == 1
+        assert mesh.volume > 0.001 * mesh.convex_hull.volume
+        assert 20 < mesh.extents.max() < 200
+        assert 250 <= len(mesh.faces) <= 20_000
+        assert np.count_nonzero(mesh.area_faces < 1e-9) == 0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_family_is_not_one_shape_stretched(family):
+    structures = {len(part(f"train/{family}/{number:04d}").faces) for number in range(6)}
+    assert len(structures) >= 3
+
+
+def test_the_same_parts_on_every_machine():
+    stored = json.loads(FINGERPRINTS.read_text())
+    assert list(stored) == list(FAMILIES)
+    for family, numbers in stored.items():
+        np.testing.assert_allclose(fingerprint(part(f"train/{family}/0000")), numbers, rtol=1e-4, atol=1e-3)
+
+
+def test_vertices_lie_on_the_grid():
+    vertices = part("train/gear/0000").vertices / GRID
+    np.testing.assert_allclose(vertices, np.round(vertices), atol=1e-3)
+
+
+def test_generating_again_gives_the_same_bits_and_another_seed_another_part():
+    first, again = (CadParts().item("train/cam/0001").mesh for _ in range(2))
+    assert first.vertices.tobytes() == again.vertices.tobytes()
+    assert first.faces.tobytes() == again.faces.tobytes()
+    other = CadParts(seed=1).item("train/cam/0001").mesh
+    assert abs(first.volume - other.volume) > 1
+
+
+def test_a_name_means_the_same_part_however_many_there_are():
+    few, many = CadParts(count=1).names("train"), CadParts(count=500).names("train")
+    assert many[:1] == few
+    np.testing.assert_array_equal(
+        CadParts(count=1).item(few[0]).mesh.vertices, CadParts(count=500).item(few[0]).mesh.vertices
+    )
+
+
+def test_families_come_in_turn_and_names_are_unique():
+    shapes = CadParts(count=2 * len(FAMILIES) + 3, held_out=5)
+    names = shapes.names("train")
+    assert len(set(names)) == len(names) == 2 * len(FAMILIES) + 3
+    assert [name.split("/")[1] for name in names[: len(FAMILIES)]] == list(FAMILIES)
+    assert len(shapes.names("validation")) == len(shapes.names("test")) == 5
+    assert not set(shapes.names("validation")) & set(shapes.names("test"))
+
+
+def test_items_carry_their_family():
+    item = CadParts().item("test/nut/0000")
+    assert (item.name, item.group) == ("test/nut/0000", "nut")
+
+
+def test_every_family_has_a_docstring_and_there_are_enough():
+    assert len(FAMILIES) >= 26
+    assert all(function.__doc__ for function in FAMILIES.values())
+
+
+def test_cheap_to_pickle():
+    shapes = CadParts(count=7, seed=3)
+    packed = pickle.dumps(shapes)
+    assert len(packed) < 300
+    assert pickle.loads(packed).names("train") == shapes.names("train")
+
+
+@pytest.mark.parametrize(
+    "name", ["train/teapot/0000", "tests/gear/0000", "gear", "train/gear/x", "train/gear/-1", "train/gear/0500", ""]
+)
+def test_an_unknown_part_is_named(name):
+    with pytest.raises(UserError, match=f"no part '{name}'"):
+        CadParts().item(name)
+
+
+def test_an_unknown_split_is_named():
+    with pytest.raises(UserError, match="no split 'val': it has train, validation, test"):
+        CadParts().names("val")
+
+
+def test_a_negative_count_is_refused():
+    with pytest.raises(UserError, match="count -1"):
+        CadParts(count=-1)
+
+
+def test_a_draw_that_falls_apart_is_drawn_again(monkeypatch):
+    cube = Manifold.cube((30.0, 30.0, 30.0))
+    solids = [cube + cube.translate((99, 0, 0)), cube - cube.scale((9, 9, 9)).translate((-9, -9, -9)), cube]
+    monkeypatch.setitem(FAMILIES, "gear", lambda draw: solids.pop(0))
+    assert CadParts().item("train/gear/0000").mesh.volume == pytest.approx(27_000)
+
+
+def test_a_family_that_always_falls_apart_is_reported(monkeypatch):
+    monkeypatch.setitem(FAMILIES, "gear", lambda draw: Manifold())
+    with pytest.raises(UserError, match=r"train/gear/0000.*seed 0: take another seed"):
+        CadParts().item("train/gear/0000")
+
+
+def test_crumbs_are_dropped():
+    cube = Manifold.cube((30.0, 30.0, 30.0))
+    mesh = cad_parts._mesh(cube + Manifold.cube((1.0, 1.0, 1.0)).translate((50, 0, 0)))
+    assert mesh is not None
+    assert mesh.volume == pytest.approx(27_000)
+
+
+def test_folds_are_removed_and_nothing_else():
+    box = trimesh.creation.box().faces
+    fold = np.array([[0, 1, 2], [1, 0, 2], [3, 3, 4], [5, 6, 5]])
+    rng = np.random.default_rng(0)
+    mixed = rng.permutation(np.concatenate([box, fold + 8]))
+    kept = cad_parts._without_folds(mixed)
+    canonical = {tuple(np.roll(face, -face.argmin())) for face in box}
+    assert {tuple(face) for face in kept} == canonical
+    assert len(kept) == len(box)
+
+
+if __name__ == "__main__":
+    prints = {family: fingerprint(part(f"train/{family}/0000")) for family in FAMILIES}
+    lines = [f'  "{family}": {json.dumps(numbers)}' for family, numbers in prints.items()]
+    FINGERPRINTS.write_text("{\n" + ",\n".join(lines) + "\n}\n")
