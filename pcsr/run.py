@@ -140,7 +140,7 @@ def _data(recipe: Recipe, registry: Registry, split: str, place: Place, progress
 
 
 def _first(split: Split, count: int | None) -> Split:
-    return split if count is None else split.first(count)
+    return split if count is None else split.spread(count)
 
 
 def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:

@@ -45,7 +45,7 @@ SAME_FLOOR = {
     ("pcsr.graft", "pcsr.model"),
     ("pcsr.evaluate", "pcsr.upsample"),
     ("pcsr.train", "pcsr.upsample"),
-    ("pcsr.report", "pcsr.run"),
+    ("pcsr.run", "pcsr.report"),
     ("pcsr.testing", "pcsr.model"),
 }
 PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
@@ -47,6 +48,34 @@ class Split:
             spheres=[s.sphere for s in samples],
             about=about,
         )
+
+    def spread(self, count: int) -> "Split":
+        """`count` objects, evenly spread over the split, so that every group stays in."""
+        count = min(count, len(self))
+        kept = [i * len(self) // count for i in range(count)]
+        return Split(
+            names=[self.names[i] for i in kept],
+            groups=[self.groups[i] for i in kept],
+            truth=self.truth[kept],
+            points=self.points[kept],
+            touches=self.touches[kept],
+            spheres=[self.spheres[i] for i in kept],
+            about=self.about,
+        )
+
+    def coverage(self, touches: int) -> float:
+        """Mean share of the truth's points that the first `touches` touches cover.
+
+        A point is covered if a touched point lies within twice the usual distance of touched points.
+        """
+        if touches == 0 or self.touches.shape[1] == 0:
+            return 0.0
+        shares = []
+        for truth, felt in zip(self.truth.numpy(), self.touches[:, :touches].numpy(), strict=True):
+            spacing = np.median([cKDTree(touch).query(touch, k=2)[0][:, 1].mean() for touch in felt])
+            distance = cKDTree(felt.reshape(-1, 3)).query(truth)[0]
+            shares.append(float((distance < 2 * spacing).mean()))
+        return float(np.mean(shares))
 
     def save(self, path: Path) -> None:
         """Write the split whole, or not at all."""

@@ -102,7 +102,8 @@ def test_cheap_to_pickle():
 
 
 @pytest.mark.parametrize(
-    "name", ["train/teapot/0000", "tests/gear/0000", "gear", "train/gear/x", "train/gear/-1", "train/gear/0500", ""]
+    "name",
+    ["train/teapot/0000", "tests/gear/0000", "gear", "train/gear/x", "train/gear/-1", "train/gear/0500", ""],
 )
 def test_an_unknown_part_is_named(name):
     with pytest.raises(UserError, match=f"no part '{name}'"):

@@ -7,6 +7,9 @@ import numpy as np
 
 T = TypeVar("T")
 
+Number = int | float
+"""A length in mm or an angle in degrees; whole ones are written without a point."""
+
 CELLS = 50
 """Each parameter's range is cut into so many cells. One in ten belongs to validation, one in ten to test."""
 SPLITS = {"train": (0, 1, 2, 4, 5, 6, 8, 9), "validation": (3,), "test": (7,)}
@@ -24,7 +27,7 @@ class Draw:
         self._rng = np.random.default_rng(seed)
         self._cells = [cell for cell in range(CELLS) if cell % 10 in SPLITS[split]]
 
-    def __call__(self, low: float, high: float) -> float:
+    def __call__(self, low: Number, high: Number) -> float:
         """A number between the two."""
         cell = self._cells[int(self._rng.integers(len(self._cells)))]
         return low + (high - low) * (cell + float(self._rng.random())) / CELLS
@@ -37,6 +40,6 @@ class Draw:
         """One of several."""
         return choices[int(self._rng.integers(len(choices)))]
 
-    def maybe(self, chance: float = 0.5) -> bool:
+    def maybe(self, chance: Number = 0.5) -> bool:
         """True with a probability."""
         return bool(self._rng.random() < chance)

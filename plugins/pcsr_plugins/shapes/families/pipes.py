@@ -3,7 +3,7 @@
 import numpy as np
 from manifold3d import CrossSection, Manifold
 
-from pcsr_plugins.shapes.families.draw import Draw
+from pcsr_plugins.shapes.families.draw import Draw, Number
 from pcsr_plugins.shapes.families.solids import (
     SMALL,
     along_x,
@@ -16,7 +16,7 @@ from pcsr_plugins.shapes.families.solids import (
 )
 
 
-def _end(draw: Draw, outer: float, kind: str) -> Manifold:
+def _end(draw: Draw, outer: Number, kind: str) -> Manifold:
     """The end of a pipe that leaves along +z and ends at z = 0, its bore still to be cut."""
     if kind == "collar":
         return cylinder(outer + draw(1.5, 3.5), draw(5, 9)).translate((0, 0, -5))
@@ -61,7 +61,7 @@ def elbow(draw: Draw) -> Manifold:
     curve = np.stack([bend - bend * np.cos(t), 0 * t, bend * np.sin(t)], axis=1)
     way = np.array([np.sin(t[-1]), 0, np.cos(t[-1])])
 
-    def pipe(radius: float, over: float) -> Manifold:
+    def pipe(radius: Number, over: Number) -> Manifold:
         path = np.concatenate([[[0, 0, -length - over]], curve, [curve[-1] + way * (tail + over)]])
         return swept(path, radius, segments=48)
 
@@ -99,7 +99,7 @@ def duct(draw: Draw) -> Manifold:
     sides = 4 if draw.maybe() else 64
     shift = draw(-8, 8) if draw.maybe() else 0.0
 
-    def loft(grow: float, low: float, high: float) -> Manifold:
+    def loft(grow: Number, low: Number, high: Number) -> Manifold:
         bottom = cylinder(r1 + grow, 2, sides).rotate((0, 0, 45)).translate((0, 0, low))
         top = cylinder(r2 + grow, 2, 64).translate((shift, 0, high - 2))
         return (bottom + top).hull()

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from manifold3d import CrossSection, JoinType, Manifold, Mesh, OpType
 
+from pcsr_plugins.shapes.families.draw import Number
+
 ROUND = 64
 """Segments of a large circle."""
 SMALL = 32
@@ -17,7 +19,7 @@ def union(solids: Iterable[Manifold]) -> Manifold:
     return Manifold.batch_boolean(list(solids), OpType.Add)
 
 
-def rectangle(width: float, height: float, fillet: float = 0.0) -> CrossSection:
+def rectangle(width: Number, height: Number, fillet: Number = 0.0) -> CrossSection:
     """Centred, with rounded corners."""
     fillet = min(fillet, 0.49 * width, 0.49 * height)
     if fillet <= 0:
@@ -26,13 +28,13 @@ def rectangle(width: float, height: float, fillet: float = 0.0) -> CrossSection:
     return inner.offset(fillet, JoinType.Round, circular_segments=SMALL)
 
 
-def polygon(corners: Sequence[tuple[float, float]], fillet: float = 0.0) -> CrossSection:
+def polygon(corners: Sequence[tuple[Number, Number]], fillet: Number = 0.0) -> CrossSection:
     """Corners to an outline, its convex corners rounded."""
     outline = CrossSection([list(corners)])
     return rounded(outline, fillet) if fillet > 0 else outline
 
 
-def rounded(outline: CrossSection, fillet: float, inner: float = 0.0) -> CrossSection:
+def rounded(outline: CrossSection, fillet: Number, inner: Number = 0.0) -> CrossSection:
     """Round convex corners by `fillet`, concave ones by `inner`."""
     out = outline.offset(-fillet, JoinType.Miter).offset(fillet, JoinType.Round, circular_segments=SMALL)
     if inner > 0:
@@ -40,12 +42,12 @@ def rounded(outline: CrossSection, fillet: float, inner: float = 0.0) -> CrossSe
     return out
 
 
-def extrude(outline: CrossSection, height: float) -> Manifold:
+def extrude(outline: CrossSection, height: Number) -> Manifold:
     """Up from z = 0."""
     return Manifold.extrude(outline, height)
 
 
-def chamfered(outline: CrossSection, height: float, chamfer: float) -> Manifold:
+def chamfered(outline: CrossSection, height: Number, chamfer: Number) -> Manifold:
     """A convex outline extruded, its top and bottom edges chamfered."""
     chamfer = min(chamfer, 0.4 * height)
     if chamfer <= 0:
@@ -54,12 +56,12 @@ def chamfered(outline: CrossSection, height: float, chamfer: float) -> Manifold:
     return (inner + extrude(outline, height - 2 * chamfer).translate((0, 0, chamfer))).hull()
 
 
-def box(x: float, y: float, z: float) -> Manifold:
+def box(x: Number, y: Number, z: Number) -> Manifold:
     """Centred in x and y, standing on z = 0."""
     return Manifold.cube((x, y, z), True).translate((0, 0, z / 2))
 
 
-def cylinder(radius: float, height: float, segments: int = ROUND, top: float = -1.0) -> Manifold:
+def cylinder(radius: Number, height: Number, segments: int = ROUND, top: Number = -1.0) -> Manifold:
     """Standing on z = 0; a cone if `top` is another radius."""
     return Manifold.cylinder(height, radius, top, segments)
 
@@ -74,12 +76,12 @@ def along_y(solid: Manifold) -> Manifold:
     return solid.rotate((90, 0, 0))
 
 
-def tube(outer: float, inner: float, height: float) -> Manifold:
+def tube(outer: Number, inner: Number, height: Number) -> Manifold:
     """A hollow cylinder standing on z = 0."""
     return cylinder(outer, height) - cylinder(inner, height + 2).translate((0, 0, -1))
 
 
-def hole(radius: float, depth: float, sink: float = 0.0) -> Manifold:
+def hole(radius: Number, depth: Number, sink: Number = 0.0) -> Manifold:
     """To subtract: from z = -1 to depth + 1, countersunk at the top by `sink`."""
     shaft = cylinder(radius, depth + 2, SMALL).translate((0, 0, -1))
     if sink <= 0:
@@ -87,19 +89,19 @@ def hole(radius: float, depth: float, sink: float = 0.0) -> Manifold:
     return shaft + cylinder(radius, sink + 0.01, SMALL, radius + sink + 0.01).translate((0, 0, depth - sink))
 
 
-def ring_of(solid: Manifold, count: int, radius: float, phase: float = 0.0) -> Manifold:
+def ring_of(solid: Manifold, count: int, radius: Number, phase: Number = 0.0) -> Manifold:
     """Copies on a circle about z, each turned with it."""
     return union(
         solid.translate((radius, 0, 0)).rotate((0, 0, phase + 360 * i / count)) for i in range(count)
     )
 
 
-def grid_of(solid: Manifold, places: Iterable[tuple[float, float]]) -> Manifold:
+def grid_of(solid: Manifold, places: Iterable[tuple[Number, Number]]) -> Manifold:
     """Copies at places of the plane."""
     return union(solid.translate((x, y, 0)) for x, y in places)
 
 
-def turned(profile: Sequence[tuple[float, float]], fillet: float = 0.0, segments: int = ROUND) -> Manifold:
+def turned(profile: Sequence[tuple[Number, Number]], fillet: Number = 0.0, segments: int = ROUND) -> Manifold:
     """A profile of (radius, z) corners revolved about z; its convex corners may be rounded."""
     outline = CrossSection([list(profile)])
     if outline.area() < 0 or not outline.num_vert():
@@ -111,7 +113,7 @@ def turned(profile: Sequence[tuple[float, float]], fillet: float = 0.0, segments
 
 
 def swept(
-    path: Float[np.ndarray, "n 3"], radius: float, *, closed: bool = False, segments: int = 16
+    path: Float[np.ndarray, "n 3"], radius: Number, *, closed: bool = False, segments: int = 16
 ) -> Manifold:
     """A wire of round section along a path; flat ends unless it is closed."""
     n = len(path)
@@ -147,7 +149,7 @@ def swept(
     return Manifold(Mesh(vertices.astype(np.float32), np.array(faces, np.uint32)))
 
 
-def arc(radius: float, start: float, end: float, count: int = 33) -> list[tuple[float, float]]:
+def arc(radius: Number, start: Number, end: Number, count: int = 33) -> list[tuple[float, float]]:
     """Points on a circle about the origin, angles in degrees."""
     return [
         (radius * float(np.cos(t)), radius * float(np.sin(t)))

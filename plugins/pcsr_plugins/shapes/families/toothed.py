@@ -3,7 +3,7 @@
 import numpy as np
 from manifold3d import CrossSection, Manifold
 
-from pcsr_plugins.shapes.families.draw import Draw
+from pcsr_plugins.shapes.families.draw import Draw, Number
 from pcsr_plugins.shapes.families.solids import (
     SMALL,
     box,
@@ -19,7 +19,7 @@ from pcsr_plugins.shapes.families.solids import (
 )
 
 
-def _bored(body: Manifold, draw: Draw, bore: float, height: float) -> Manifold:
+def _bored(body: Manifold, draw: Draw, bore: Number, height: Number) -> Manifold:
     """A bore with or without a keyway."""
     body -= cylinder(bore, 4 * height + 20, SMALL).translate((0, 0, -2 * height - 10))
     if draw.maybe():

@@ -1,0 +1,38 @@
+"""`pcsr run`: a recipe to weights, a table and a report."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pcsr.cli.options import plugin_option, set_option
+
+
+@click.command()
+@click.argument("recipe", type=click.Path(path_type=Path))
+@set_option
+@plugin_option
+@click.option("--runs", type=click.Path(path_type=Path), default=Path("runs"), show_default=True, help="Where run folders go.")
+@click.option("--device", default="auto", show_default=True, help="auto, cpu or cuda.")
+@click.option("--devices", type=click.IntRange(1), default=1, show_default=True, help="Processes on this machine, one for each GPU.")
+@click.option("--nodes", type=click.IntRange(1), default=1, show_default=True, help="Machines, as torchrun or SLURM started them.")
+@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes for data and metrics.  [default: all cores]")
+def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, **where: Any) -> None:
+    """Train and evaluate a recipe, or compare several.
+
+    What is done already is not done again: training goes on from its last checkpoint, and is skipped where finished
+    weights of exactly this recipe exist. A recipe with a matrix runs row by row.
+    """
+    from rich.console import Console
+
+    from pcsr import report
+    from pcsr.recipe import load
+    from pcsr.run import Place, run, run_folder
+
+    console = Console()
+    place = Place(runs=runs, **where)
+    for one in load(recipe, registry, overrides):
+        results = run(one, registry, place, console)
+        if results:  # one process of several has them
+            console.print(report.table(results))
+            console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True)
