@@ -80,15 +80,16 @@ def evaluate(
         advance: called whenever one object was upsampled or measured, 2·k times for each method.
     """
     count = recipe.data.touches
-    timed = []
+    timed: list[tuple[np.ndarray, float]] = []
     for method in compared:
-        dense, seconds = [], []
+        clouds: list[Cloud] = []
+        seconds: list[float] = []
         for points, touches in zip(split.points.numpy(), split.touches.numpy(), strict=True):
             start = time.perf_counter()
-            dense.append(method.upsample(points, list(touches[:count])))
+            clouds.append(method.upsample(points, list(touches[:count])))
             seconds.append(time.perf_counter() - start)
             advance()
-        timed.append((np.stack(dense), float(np.mean(seconds))))
+        timed.append((np.stack(clouds), float(np.mean(seconds))))
     tasks = [
         _Task(recipe.evaluate.metrics, cloud, truth, mesh)
         for dense, _ in timed
@@ -96,10 +97,10 @@ def evaluate(
     ]
     measured = _measured(tasks, jobs or os.cpu_count() or 1, advance)
     scores = []
-    for method, (dense, seconds) in zip(compared, timed, strict=True):
+    for method, (dense, mean_seconds) in zip(compared, timed, strict=True):
         rows = [next(measured) for _ in range(len(split))]
-        values = {name: [row[name] for row in rows] for name in recipe.evaluate.metrics}
-        scores.append(Scores(method, seconds, values, dense))
+        values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
+        scores.append(Scores(method, mean_seconds, values, dense))
     return scores
 
 

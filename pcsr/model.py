@@ -83,9 +83,7 @@ def fuse(
         if not touched.any():
             return features
         if not touched.all():
-            fused = fuse(
-                fusion, touch_encoder, points[touched], features[touched], touches[touched], mask[touched]
-            )
+            fused = fuse(fusion, touch_encoder, points[touched], features[touched], touches[touched], mask[touched])
             return features.masked_scatter(touched[:, None, None], fused)
     heard = Touches(touches, encode(touch_encoder, touches), mask)
     result: Features = fusion(points, features, heard)
@@ -97,14 +95,12 @@ def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures
     if touch_encoder is None:
         return touches
     features: Tensor = touch_encoder(touches.flatten(0, 1))
-    return features.unflatten(0, touches.shape[:2])
+    return features.view(*touches.shape[:2], *features.shape[1:])
 
 
 def _thin(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
     """Keep the `count` farthest points: joining raw touches to the cloud makes the upsampler give too many."""
-    rows = [
-        row[torch.from_numpy(farthest_points(row.detach().cpu().numpy(), count)).to(row.device)] for row in dense
-    ]
+    rows = [row[torch.from_numpy(farthest_points(row.detach().cpu().numpy(), count)).to(row.device)] for row in dense]
     return torch.stack(rows)
 
 

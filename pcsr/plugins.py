@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import sys
 from collections.abc import Callable, Iterable
+from functools import partial
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from types import ModuleType
@@ -35,7 +36,7 @@ def load_plugins(files: Iterable[Path] = ()) -> Registry:
     for file in registry.files:
         if not file.is_file():
             raise UserError(f"--plugin {file}: there is no such file")
-        _register(registry, lambda file=file: _import_file(file), str(file), "file")
+        _register(registry, partial(_import_file, file), str(file), "file")
     return registry
 
 
@@ -87,7 +88,9 @@ def why(registry: Registry, name: str) -> str:
         lines.append(f"no installed plugin registers a part or is called '{name}'")
         failures = registry.failures
     for failure in failures:
-        lines.append(f"{failure.owner} {failure.version} failed to load: {type(failure.error).__name__}: {failure.error}")
+        lines.append(
+            f"{failure.owner} {failure.version} failed to load: {type(failure.error).__name__}: {failure.error}"
+        )
         if not isinstance(failure.error, PcsrError):
             lines.append(_place(failure.error))
     return "\n".join(lines)

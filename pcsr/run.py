@@ -3,8 +3,7 @@
 import datetime
 import json
 import os
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,9 +66,7 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
         network.to(fabric.device)
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
-        scores = evaluate(
-            recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task)
-        )
+        scores = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
     results = _results(recipe, test, scores, source)
     _save_examples(folder / EXAMPLES, recipe, test, scores)
     write_text(folder / RESULTS, json.dumps(results, indent=1))
@@ -81,7 +78,10 @@ def _trained(
     recipe: Recipe, registry: Registry, place: Place, fabric: Fabric, folder: Path, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
     """The recipe's network with finished weights, and where they came from."""
-    for path, source in ((folder / WEIGHTS, "this run folder"), (weights.shipped(recipe.name), "shipped weights")):
+    for path, source in (
+        (folder / WEIGHTS, "this run folder"),
+        (weights.shipped(recipe.name), "shipped weights"),
+    ):
         if path.exists() and read_card(path)["fingerprint"] == recipe.fingerprint:
             network, _, card = load_weights(path, registry)
             return network, {**card["training"], "source": source}
@@ -172,7 +172,12 @@ def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
         "objects": split.names,
         "groups": split.groups,
         "methods": [
-            {"name": s.method.name, "parameters": s.method.parameters, "seconds": s.seconds, "values": s.values}
+            {
+                "name": s.method.name,
+                "parameters": s.method.parameters,
+                "seconds": s.seconds,
+                "values": s.values,
+            }
             for s in scores
         ],
         "training": source,
@@ -211,6 +216,11 @@ def _fabric(recipe: Recipe, place: Place) -> Fabric:
 
 def _progress(console: Console, hidden: bool) -> Progress:
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=console, disable=hidden, transient=True,
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=hidden,
+        transient=True,
     )

@@ -129,11 +129,23 @@ def train(
             if fabric.is_global_zero:
                 epoch = step // batches.per_epoch
                 history.add(
-                    {"step": step, "epoch": epoch, "loss": total, "losses": losses, "rate": rate,
-                     "seconds": round(before + seconds, 2)}
+                    {
+                        "step": step,
+                        "epoch": epoch,
+                        "loss": total,
+                        "losses": losses,
+                        "rate": rate,
+                        "seconds": round(before + seconds, 2),
+                    }
                 )
                 if step % every == 0 or step == steps:
-                    history.add({"epoch": epoch, "step": step, "validation": {"cd": validate(network, validation, recipe)}})
+                    history.add(
+                        {
+                            "epoch": epoch,
+                            "step": step,
+                            "validation": {"cd": validate(network, validation, recipe)},
+                        }
+                    )
                 shown(Progress(step, steps, total, seconds))
             if stop.is_set():
                 save()
@@ -158,7 +170,11 @@ def _step(
     fabric.backward(sum(losses.values()))
     optimizer.step()
     # One number each, averaged over processes: the mean of equal shares is the mean of the batch.
-    return {name: float(fabric.all_reduce(loss.detach(), reduce_op="mean")) for name, loss in losses.items()}
+    means: dict[str, torch.Tensor] = {
+        name: fabric.all_reduce(loss.detach(), reduce_op="mean")  # type: ignore[misc]
+        for name, loss in losses.items()
+    }
+    return {name: float(mean) for name, mean in means.items()}
 
 
 def learning_rate(recipe: Recipe, epoch: int) -> float:
@@ -183,7 +199,8 @@ def validate(network: Network, split: Split, recipe: Recipe) -> float:
 
 def _optimizer(recipe: Recipe, model: nn.Module) -> torch.optim.Optimizer:
     kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-    return kinds[recipe.train.optimizer](model.parameters(), lr=recipe.train.rate)
+    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](model.parameters(), lr=recipe.train.rate)
+    return optimizer
 
 
 class History:

@@ -57,11 +57,7 @@ def name_of(path: Path) -> str:
     return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
 
-FILES = {
-    name_of(path): path
-    for folder in ("pcsr", "plugins/pcsr_plugins")
-    for path in (ROOT / folder).rglob("*.py")
-}
+FILES = {name_of(path): path for folder in ("pcsr", "plugins/pcsr_plugins") for path in (ROOT / folder).rglob("*.py")}
 
 
 def imports(tree: ast.AST, *, top: bool = False) -> set[str]:
@@ -123,19 +119,13 @@ def test_commands_import_nothing_heavy_before_they_are_called(name):
     top = imports(parse(name), top=True)
     allowed = {"pcsr", "pcsr.errors"}
     assert not {
-        m
-        for m in top
-        if m.split(".")[0] in ("torch", "numpy", "scipy", "trimesh", "plotly", "pydantic", "rich")
+        m for m in top if m.split(".")[0] in ("torch", "numpy", "scipy", "trimesh", "plotly", "pydantic", "rich")
     }
     assert not {m for m in top if m.split(".")[0] == "pcsr" and m not in allowed and unit(m) != "pcsr.cli"}
 
 
 def test_files_whose_names_say_nothing_are_not_here():
-    assert not {
-        name
-        for name in FILES
-        if name.split(".")[-1] in ("utils", "util", "helpers", "common", "base", "misc")
-    }
+    assert not {name for name in FILES if name.split(".")[-1] in ("utils", "util", "helpers", "common", "base", "misc")}
 
 
 def test_floors_of_the_same_height_go_one_way():

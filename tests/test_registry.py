@@ -71,9 +71,7 @@ def test_an_unknown_name_points_at_plugins_that_failed():
 
 def test_a_name_taken_twice_names_both_owners_and_keeps_the_first():
     registry = filled("good")
-    with pytest.raises(
-        UserError, match="fusion 'good' is registered twice, by owner and by other: rename one"
-    ):
+    with pytest.raises(UserError, match="fusion 'good' is registered twice, by owner and by other: rename one"):
         registry.add(Entry("fusion", "good", "x:Y", "other", "1"))
     assert registry.get("fusion", "good") is Good
     registry.add(Entry("encoder", "good", "x:Y", "other", "1"))  # another kind is another name

@@ -26,9 +26,7 @@ class BuiltIn(NamedTuple):
 COMMANDS = {
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
-    "plugins": BuiltIn(
-        "pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."
-    ),
+    "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."),
 }
 
 
@@ -115,8 +113,7 @@ def _load(owner: str, point: EntryPoint) -> click.Command:
         command = point.load()
     except Exception as error:
         raise UserError(
-            f"command '{point.name}' of {owner} cannot be loaded from '{point.value}': "
-            f"{type(error).__name__}: {error}"
+            f"command '{point.name}' of {owner} cannot be loaded from '{point.value}': {type(error).__name__}: {error}"
         ) from error
     if not isinstance(command, click.Command):
         raise UserError(f"command '{point.name}' of {owner} is {command!r}, which is not a click command")

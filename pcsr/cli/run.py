@@ -12,11 +12,34 @@ from pcsr.cli.options import plugin_option, set_option
 @click.argument("recipe", type=click.Path(path_type=Path))
 @set_option
 @plugin_option
-@click.option("--runs", type=click.Path(path_type=Path), default=Path("runs"), show_default=True, help="Where run folders go.")
+@click.option(
+    "--runs",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="Where run folders go.",
+)
 @click.option("--device", default="auto", show_default=True, help="auto, cpu or cuda.")
-@click.option("--devices", type=click.IntRange(1), default=1, show_default=True, help="Processes on this machine, one for each GPU.")
-@click.option("--nodes", type=click.IntRange(1), default=1, show_default=True, help="Machines, as torchrun or SLURM started them.")
-@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes for data and metrics.  [default: all cores]")
+@click.option(
+    "--devices",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Processes on this machine, one for each GPU.",
+)
+@click.option(
+    "--nodes",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Machines, as torchrun or SLURM started them.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=None,
+    help="Processes for data and metrics.  [default: all cores]",
+)
 def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, **where: Any) -> None:
     """Train and evaluate a recipe, or compare several.
 

@@ -21,7 +21,12 @@ from pcsr.registry import Registry
 
 
 def load_or_build(
-    recipe: Recipe, registry: Registry, split: str, folder: Path, *, jobs: int | None = None,
+    recipe: Recipe,
+    registry: Registry,
+    split: str,
+    folder: Path,
+    *,
+    jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Split:
     """The split from `folder`, where it is built first if it isn't there yet.
@@ -45,9 +50,7 @@ def load_or_build(
     return built
 
 
-def build(
-    recipe: Recipe, registry: Registry, split: str, *, jobs: int = 1, progress: Progress | None = None
-) -> Split:
+def build(recipe: Recipe, registry: Registry, split: str, *, jobs: int = 1, progress: Progress | None = None) -> Split:
     """Build a split. The result does not depend on `jobs`."""
     shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
     names = shapes.names(split)
@@ -75,9 +78,7 @@ def build(
     return Split.of(samples, about)
 
 
-def _results(
-    recipe: Recipe, registry: Registry, names: Sequence[str], jobs: int
-) -> Iterator[Sample | str]:
+def _results(recipe: Recipe, registry: Registry, names: Sequence[str], jobs: int) -> Iterator[Sample | str]:
     """A sample for each name in their order, or the reason why there is none."""
     if jobs == 1 or len(names) < 2 * jobs:
         worker = _Worker(recipe, registry)

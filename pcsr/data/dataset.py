@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial import cKDTree
 from safetensors import SafetensorError, safe_open
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from pcsr.data.sample import Sample
@@ -100,6 +100,8 @@ class Split:
                 card = json.loads(file.metadata()["pcsr"])
                 tensors = {name: file.get_tensor(name) for name in ("truth", "points", "touches")}
         except (SafetensorError, KeyError, TypeError, ValueError) as error:
-            raise UserError(f"{path} is not a split of pcsr data ({error}): delete it to have it built again") from error
+            raise UserError(
+                f"{path} is not a split of pcsr data ({error}): delete it to have it built again"
+            ) from error
         spheres = [UnitSphere(np.array(s[:3]), s[3]) for s in card["spheres"]]
         return cls(card["names"], card["groups"], spheres=spheres, about=card["about"], **tensors)

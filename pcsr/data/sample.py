@@ -49,9 +49,7 @@ def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed:
         group=item.group,
         truth=sphere.apply(truth),
         points=sphere.apply(truth[chosen]),
-        touches=np.stack([sphere.apply(touch.points) for touch in felt])
-        if felt
-        else np.zeros((0, 0, 3), np.float32),
+        touches=np.stack([sphere.apply(touch.points) for touch in felt]) if felt else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
     )
 
@@ -61,9 +59,7 @@ def item_seed(seed: int, name: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
 
 
-def _subset(
-    truth: Float[np.ndarray, "g 3"], count: int, sampling: str, rng: np.random.Generator
-) -> np.ndarray:
+def _subset(truth: Float[np.ndarray, "g 3"], count: int, sampling: str, rng: np.random.Generator) -> np.ndarray:
     if sampling == "poisson":
         return poisson_subset(truth, count, rng)
     if sampling == "fps":

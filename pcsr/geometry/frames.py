@@ -34,9 +34,7 @@ class UnitSphere:
             raise UserError(
                 f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
             )
-        if (
-            cloud == cloud[0]
-        ).all():  # the radius would not do: a mean of equal numbers may be off by one bit
+        if (cloud == cloud[0]).all():  # the radius would not do: a mean of equal numbers may be off by one bit
             raise UserError(
                 f"all {len(cloud)} points of the cloud lie on one spot, {cloud[0].tolist()}: "
                 f"a cloud needs an extent to be scaled"

@@ -14,9 +14,7 @@ from pcsr.errors import UserError
 from pcsr.geometry.sampling import farthest_points
 
 
-def midpoint(
-    points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 1
-) -> Float[np.ndarray, "rn 3"]:
+def midpoint(points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 1) -> Float[np.ndarray, "rn 3"]:
     """Interpolate a cloud to round(rate·n) points.
 
     In each of the passes every point is joined with its 2s nearest (itself among them), s being that pass's
@@ -46,9 +44,7 @@ def _one_pass(points: Float[np.ndarray, "n 3"], goal: int) -> Float[np.ndarray, 
     n = len(points)
     neighbours = math.ceil(2 * goal / n) if n else 2
     if neighbours > n:
-        raise UserError(
-            f"midpoint: {n} points have no {neighbours} neighbours each: give more points or a lower rate"
-        )
+        raise UserError(f"midpoint: {n} points have no {neighbours} neighbours each: give more points or a lower rate")
     index = cKDTree(points).query(points, k=neighbours)[1]
     first, second = np.repeat(np.arange(n), neighbours), index.ravel()
     # Each pair once, though both its points may name it: thinning would drop the copy, later and slower.

@@ -17,9 +17,7 @@ TRIALS = 30
 """Radii tried for that."""
 
 
-def surface_points(
-    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
-) -> Float[np.ndarray, "count 3"]:
+def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
     """Random points of a surface, uniform by area, in the mesh's frame and unit.
 
     Raises:
@@ -30,9 +28,7 @@ def surface_points(
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     total = area.sum()
     if not (np.isfinite(total) and total > 0):
-        raise UserError(
-            f"the mesh has {len(triangles)} triangles of area {total / 2:g} in all: nothing to sample"
-        )
+        raise UserError(f"the mesh has {len(triangles)} triangles of area {total / 2:g} in all: nothing to sample")
     face = np.searchsorted(np.cumsum(area) / total, rng.random(count), side="right").clip(max=len(area) - 1)
     weight = rng.random((count, 2))
     outside = weight.sum(1, keepdims=True) > 1
@@ -41,9 +37,7 @@ def surface_points(
     return points
 
 
-def poisson_points(
-    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
-) -> Float[np.ndarray, "count 3"]:
+def poisson_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
     """Exactly `count` blue-noise points of a surface: none much nearer to another than all the rest.
 
     Random candidates thinned as in `poisson_subset`; in the mesh's frame and unit.
@@ -56,9 +50,7 @@ def poisson_points(
     return chosen
 
 
-def poisson_subset(
-    points: Float[np.ndarray, "n 3"], count: int, rng: np.random.Generator
-) -> Int[np.ndarray, " count"]:
+def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.Generator) -> Int[np.ndarray, " count"]:
     """Indices of exactly `count` points that keep about as large a distance from each other as goes.
 
     Dart throwing, all darts at once: a point stays if no point of higher (random) rank near it stays.

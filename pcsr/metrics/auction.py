@@ -74,9 +74,7 @@ class _Market:
         while len(bidders := np.flatnonzero(held < 0)[:crowd]):
             wanted, best, second = self._two_best(bidders)
             bid = self.price[wanted] + (second - best) + step
-            order = np.argsort(
-                bid, kind="stable"
-            )  # of several bids for one object the last, highest one counts
+            order = np.argsort(bid, kind="stable")  # of several bids for one object the last, highest one counts
             bidders, wanted, bid = bidders[order], wanted[order], bid[order]
             outbid = holder[wanted]
             held[outbid[outbid >= 0]] = -1

@@ -29,8 +29,7 @@ def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> F
     """
     if prediction.shape[1] != target.shape[1]:
         raise UserError(
-            f"emd compares clouds of one size, got {prediction.shape[1]} and {target.shape[1]} points: "
-            f"thin one of them"
+            f"emd compares clouds of one size, got {prediction.shape[1]} and {target.shape[1]} points: thin one of them"
         )
     require_finite(prediction, target)
     pairs = zip(prediction.detach().cpu().double(), target.detach().cpu().double(), strict=True)

@@ -17,9 +17,7 @@ def hausdorff(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]
     return torch.maximum(there, back).sqrt()
 
 
-def hausdorff_pugcn(
-    prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]
-) -> Float[Tensor, " b"]:
+def hausdorff_pugcn(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, " b"]:
     """Sum of the two directions' greatest squared distances.
 
     What the evaluation scripts of PU-GAN, PU-GCN, Dis-PU, Grad-PU and others compute under the name of

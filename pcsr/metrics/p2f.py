@@ -1,5 +1,7 @@
 """Point to face: how far predicted points lie from the true surface (PU-GAN's P2F)."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
@@ -8,6 +10,8 @@ from pcsr.errors import RunError, UserError
 
 BLOCK = 2048
 """Points that are looked up at once, to bound the memory."""
+PAIRS = 1 << 18
+"""Pairs of a point and a candidate piece that are looked at at once, for the same reason."""
 PIECES = 1 << 17
 """Long triangles are cut until there are about so many pieces, or none is long any more."""
 GROUPS = 6
@@ -30,11 +34,11 @@ def point_to_surface(
         raise UserError("p2f: the true mesh has no faces: give a mesh, or leave the metric out")
     if not (np.isfinite(points).all() and np.isfinite(vertices).all()):
         raise RunError(
-            "p2f: a coordinate is not finite: if a network made the cloud, its training diverged; "
-            "lower train.rate"
+            "p2f: a coordinate is not finite: if a network made the cloud, its training diverged; lower train.rate"
         )
     triangles = _cut(np.asarray(vertices, np.float64)[faces], len(points))
     centre, radius = _spheres(triangles)
+    normal = _unit_normals(triangles)
     corners = cKDTree(triangles.reshape(-1, 3))
     groups = np.array_split(np.argsort(radius), min(len(radius), GROUPS))
     trees = [cKDTree(centre[group]) for group in groups]
@@ -42,16 +46,31 @@ def point_to_surface(
     nearest = np.zeros(len(cloud))
     for start in range(0, len(cloud), BLOCK):
         block = cloud[start : start + BLOCK]
-        best = corners.query(block)[0]
+        distance, corner = corners.query(block)
+        best = np.minimum(distance, _to_triangle(block, triangles[corner // 3]))
         for group, tree in zip(groups, trees, strict=True):
             # A little more than the bound, so that rounding excludes nothing.
             reach = (best + radius[group].max()) * (1 + 1e-9)
-            found = tree.query_ball_point(block, reach, return_sorted=False)
-            point = np.repeat(np.arange(len(block)), [len(row) for row in found])
-            piece = group[np.concatenate(found).astype(np.int64)]
-            np.minimum.at(best, point, _to_triangle(block[point], triangles[piece]))
+            for point, member in _within(tree, block, reach):
+                piece = group[member]
+                # A triangle is no nearer than its plane. That spares a cloud on one spot all triangles.
+                height = np.abs(np.einsum("nj,nj->n", block[point] - triangles[piece, 0], normal[piece]))
+                near = height <= best[point] + 1e-9 * reach[point]
+                point, piece = point[near], piece[near]
+                np.minimum.at(best, point, _to_triangle(block[point], triangles[piece]))
         nearest[start : start + BLOCK] = best
     return nearest
+
+
+def _within(
+    tree: cKDTree, block: Float[np.ndarray, "n 3"], reach: Float[np.ndarray, " n"]
+) -> Iterator[tuple[Int[np.ndarray, " r"], Int[np.ndarray, " r"]]]:
+    """Every pair of a point and a centre within its reach, in parts of about PAIRS."""
+    count = tree.query_ball_point(block, reach, return_length=True)
+    part = (np.cumsum(count) - 1) // PAIRS
+    for rows in np.split(np.arange(len(block)), np.flatnonzero(np.diff(part)) + 1):
+        found = tree.query_ball_point(block[rows], reach[rows], return_sorted=False)
+        yield np.repeat(rows, count[rows]), np.concatenate(found).astype(np.int64)
 
 
 def _spheres(
@@ -60,6 +79,16 @@ def _spheres(
     """A sphere around each triangle: its centroid and the farthest corner."""
     centre = triangles.mean(1)
     return centre, np.linalg.norm(triangles - centre[:, None], axis=2).max(1)
+
+
+def _unit_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
+    """Zero for a thin triangle, whose normal is not exact enough: then its plane excludes nothing."""
+    edges = np.roll(triangles, -1, 1) - triangles
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    wide = size > 1e-6 * np.einsum("nij,nij->ni", edges, edges).max(1, keepdims=True)
+    unit: Float[np.ndarray, "f 3"] = np.where(wide, normal / np.where(wide, size, 1), 0)
+    return unit
 
 
 def _cut(triangles: Float[np.ndarray, "f 3 3"], count: int) -> Float[np.ndarray, "pieces 3 3"]:

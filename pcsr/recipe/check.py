@@ -94,14 +94,10 @@ def _mistakes(
         by_keys.setdefault(keys, []).append(one)
     # A branch that was entered says more than the one beside it that wanted something else altogether.
     entered = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
-    return [
-        _mistake(keys, ones, model, head, locate) for keys, ones in by_keys.items() if keys not in entered
-    ]
+    return [_mistake(keys, ones, model, head, locate) for keys, ones in by_keys.items() if keys not in entered]
 
 
-def _mistake(
-    keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate
-) -> Mistake:
+def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
     kind = ones[0]["type"]
     path = ".".join(map(str, (*head, *keys)))
     if kind == "extra_forbidden":
@@ -111,9 +107,7 @@ def _mistake(
     if kind == "missing":
         return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
     if kind == "model_type":
-        return Mistake(
-            locate(keys, False), f"{path} is a section: write its keys under it, got {ones[0]['input']!r}"
-        )
+        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {ones[0]['input']!r}")
     said = " or ".join(dict.fromkeys(one["msg"][0].lower() + one["msg"][1:] for one in ones))
     return Mistake(locate(keys, False), f"{path}: {said}, got {ones[0]['input']!r}")
 

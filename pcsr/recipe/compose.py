@@ -75,9 +75,7 @@ def merge(under: Source, over: Source) -> Source:
     return merged
 
 
-def _merge_into(
-    target: Source, over: Source, keys: Keys, below: dict[str, Any], above: dict[str, Any]
-) -> None:
+def _merge_into(target: Source, over: Source, keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> None:
     for key, value in above.items():
         here = (*keys, key)
         old = below.get(key)

@@ -83,9 +83,7 @@ class Train(Section):
 class Evaluate(Section):
     """What is measured, and beside what."""
 
-    metrics: Annotated[
-        tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)
-    ] = (
+    metrics: Annotated[tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)] = (
         "cd",
         "hd",
         "emd",

@@ -149,9 +149,7 @@ def _load(text: str, origin: str) -> tuple[Any, list[Mistake]]:
     except RecursionError as error:
         raise RecipeError([Mistake(Place(origin), "nested too deeply: write it flatter")]) from error
     return tree, [
-        Mistake(
-            Place(origin, mark.line + 1, mark.column + 1), f"'{key}' is written twice: remove one of the two"
-        )
+        Mistake(Place(origin, mark.line + 1, mark.column + 1), f"'{key}' is written twice: remove one of the two")
         for key, mark in yaml.constructor.twice
     ]
 
@@ -159,9 +157,7 @@ def _load(text: str, origin: str) -> tuple[Any, list[Mistake]]:
 def _plain(node: Any, keys: Keys, source: Source, around: tuple[int, ...] = ()) -> Any:
     """Ruamel's tree without its types, which only look like Python's; places go into `source`."""
     if id(node) in around:
-        source.mistakes.append(
-            Mistake(source.place(keys), "an alias inside of what it stands for: write it out")
-        )
+        source.mistakes.append(Mistake(source.place(keys), "an alias inside of what it stands for: write it out"))
         return None
     tag = getattr(getattr(node, "tag", None), "value", None)
     if tag is not None:

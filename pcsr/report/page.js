@@ -1,67 +1,106 @@
 "use strict";
-// Draws what the page's data block holds. One example at a time: a browser allows few 3-D contexts at once.
-const data = JSON.parse(document.getElementById("data").textContent);
-const ink = getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
-const plain = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink } };
-const config = { responsive: true, displaylogo: false };
-const colours = { input: "#8c959f", touch: "#cf222e", truth: "#57606a" };
-const start = { eye: { x: 1.2, y: -1.3, z: 0.9 } };
+// Draws the charts and one example at a time: a browser grants about 16 WebGL contexts, and each view takes one.
+(() => {
+  const drawn = JSON.parse(document.getElementById("drawn").textContent);
+  const row = document.querySelector("#examples .row");
+  const buttons = [...document.querySelectorAll("[data-example]")];
+  const home = { eye: { x: 1.15, y: 1.15, z: 0.8 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
+  const config = { displayModeBar: false, responsive: true };
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const copy = (value) => JSON.parse(JSON.stringify(value));
+  let current = 0;
+  let camera = home;
+  let views = [];
 
-function trace(cloud, scene, top, bar) {
-  const marker = { size: cloud.role === "input" ? 2.6 : 1.5, color: colours[cloud.role] };
-  if (cloud.error) {
-    Object.assign(marker, { color: cloud.error, colorscale: "Viridis", cmin: 0, cmax: top, showscale: bar,
-      colorbar: { title: { text: "error ×10⁻³" }, thickness: 12, len: 0.8 } });
+  function themed(trace) {
+    const named = typeof trace.marker.color === "string";
+    return named ? { ...trace, marker: { ...trace.marker, color: colour(trace.marker.color) } } : trace;
   }
-  return { type: "scatter3d", mode: "markers", x: cloud.x, y: cloud.y, z: cloud.z, marker, scene, hoverinfo: "skip",
-    showlegend: false };
-}
 
-function draw(example) {
-  const errors = example.views.flatMap((view) => view.clouds.flatMap((cloud) => cloud.error || []));
-  const top = errors.sort((a, b) => a - b)[Math.floor(0.98 * errors.length)] || 1;
-  const layout = { ...plain, margin: { l: 0, r: 0, t: 30, b: 0 }, annotations: [] };
-  const traces = [];
-  const count = example.views.length;
-  example.views.forEach((view, i) => {
-    const scene = i ? "scene" + (i + 1) : "scene";
-    const hidden = { visible: false };
-    layout[scene] = { domain: { x: [i / count, (i + 1) / count - 0.005], y: [0, 1] }, aspectmode: "data", camera: start,
-      xaxis: hidden, yaxis: hidden, zaxis: hidden };
-    layout.annotations.push({ text: view.title.replace(/</g, "&lt;"), showarrow: false, xref: "paper", yref: "paper",
-      x: (i + 0.5) / count, y: 1.02, xanchor: "center", yanchor: "bottom" });
-    view.clouds.forEach((cloud) => traces.push(trace(cloud, scene, top, i === 1)));
-  });
-  const box = document.getElementById("views");
-  Plotly.react(box, traces, layout, config).then(() => link(box, count));
-}
+  function sceneLayout(range) {
+    const axis = (k) => ({ visible: false, range: range[k], autorange: false });
+    return {
+      margin: { l: 0, r: 0, t: 0, b: 0 },
+      showlegend: false,
+      paper_bgcolor: "rgba(0,0,0,0)",
+      scene: {
+        aspectmode: "cube", dragmode: "orbit", camera: copy(camera),
+        xaxis: axis(0), yaxis: axis(1), zaxis: axis(2),
+      },
+    };
+  }
 
-// Turning one view turns all. Setting a camera raises the same event again, hence the guard.
-function link(box, count) {
-  box.removeAllListeners("plotly_relayouting");
-  box.removeAllListeners("plotly_relayout");
-  let busy = false;
-  const follow = (change) => {
-    const key = Object.keys(change).find((name) => /^scene\d*\.camera$/.test(name));
-    if (busy || !key) return;
-    busy = true;
-    const update = {};
-    for (let i = 0; i < count; i++) update[(i ? "scene" + (i + 1) : "scene") + ".camera"] = change[key];
-    Plotly.relayout(box, update).then(() => { busy = false; });
-  };
-  box.on("plotly_relayouting", follow);
-  box.on("plotly_relayout", follow);
-}
+  // Only the view under the pointer leads. What it does to the others makes events too, which go no further.
+  let following = false;
+  let pending = null;
+  function follow(leader, seen) {
+    if (following || !seen) return;
+    camera = copy(seen);
+    const waiting = pending !== null;
+    pending = leader;
+    if (!waiting) requestAnimationFrame(() => {
+      const first = pending;
+      pending = null;
+      following = true;
+      const turned = views.filter((v) => v !== first).map((v) => Plotly.relayout(v, { "scene.camera": copy(camera) }));
+      Promise.all(turned).finally(() => { following = false; });
+    });
+  }
 
-const picker = document.getElementById("picker");
-data.examples.forEach((example, i) => picker.add(new Option(example.name, i)));
-picker.addEventListener("change", () => draw(data.examples[picker.value]));
-if (data.examples.length) draw(data.examples[0]);
+  function element(name, className, parent) {
+    const made = document.createElement(name);
+    made.className = className;
+    return parent.appendChild(made);
+  }
 
-const bars = data.groups.methods.map((name, i) => (
-  { type: "bar", name, x: data.groups.names, y: data.groups.values[i] }));
-Plotly.newPlot("groups", bars, { ...plain, barmode: "group", margin: { t: 10 }, yaxis: { title: { text: data.groups.metric } } }, config);
-if (data.curve.length) {
-  Plotly.newPlot("curve", data.curve, { ...plain, margin: { t: 10 }, xaxis: { title: { text: "step" } },
-    yaxis: { type: "log", title: { text: "loss; validation cd" } } }, config);
-}
+  async function show(k) {
+    current = k;
+    const example = drawn.examples[k];
+    buttons.forEach((button, i) => button.setAttribute("aria-pressed", String(i === k)));
+    document.getElementById("limit").textContent = `${example.limit.toPrecision(3)} ×10⁻³`;
+    while (views.length < example.views.length) {
+      const figure = element("figure", "", row);
+      const view = element("div", "view", figure);
+      element("figcaption", "", figure);
+      views.push(view);
+    }
+    const made = [];
+    example.views.forEach((shown, i) => {
+      const view = views[i];
+      view.nextSibling.textContent = shown.title;
+      made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(example.range), config));
+    });
+    await Promise.all(made);
+    views.forEach((view) => {
+      if (view.dataset.linked) return;
+      view.dataset.linked = "yes";
+      const moved = (event) => follow(view, event["scene.camera"]);
+      view.on("plotly_relayouting", moved);
+      view.on("plotly_relayout", moved);
+    });
+  }
+
+  function chart(place) {
+    const { data, layout } = drawn.charts[place.dataset.chart];
+    const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line") };
+    const legend = { orientation: "h", y: 1, yanchor: "bottom", x: 0 };
+    Plotly.react(place, data, {
+      margin: { l: 60, r: 10, t: 40, b: 50 },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { color: colour("ink"), family: "system-ui, sans-serif" },
+      ...copy(layout),
+      legend: { ...legend, ...layout.legend },
+      xaxis: { ...axis, ...layout.xaxis },
+      yaxis: { ...axis, ...layout.yaxis },
+    }, config);
+  }
+
+  function draw() {
+    document.querySelectorAll("[data-chart]").forEach(chart);
+    if (row) show(current);
+  }
+
+  buttons.forEach((button, k) => button.addEventListener("click", () => show(k)));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  draw();
+})();

@@ -1,78 +1,177 @@
-"""The page around the numbers and views: one file that opens offline."""
+"""The page: one HTML file that needs nothing but a browser."""
 
-import io
+import html
 import json
-from html import escape
+from collections.abc import Sequence
 from importlib.resources import files
+from io import StringIO
 from typing import Any
 
-from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
-from pcsr.report.table import cells, compared, statement
+from pcsr.report.curves import group_chart, training_charts
+from pcsr.report.results import Example, Results, group_means, scaled, scores
+from pcsr.report.views import COLOURS, views
 
 
-def page(results: dict[str, Any], data: dict[str, Any]) -> str:
-    """The whole page; `data` is what its script draws."""
-    asset = files("pcsr.report")
-    block = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")  # nothing in it can end the script element
-    curve = '<h2>Training</h2>\n<div id="curve"></div>' if data["curve"] else ""
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{escape(results["name"])}: pcsr report</title>
-<style>{asset.joinpath("page.css").read_text(encoding="utf-8")}</style>
-</head>
-<body>
-<h1>{escape(results["name"])}</h1>
-<p class="note">{escape(statement(results))}</p>
-<p>{escape(compared(results))}</p>
-{_table(results)}
-<p class="note">{escape(_training(results["training"]))}</p>
-<h2>Examples</h2>
-<p class="note">Drag one view, all turn. Predictions are coloured by the distance of each point to the truth.</p>
-<select id="picker" aria-label="example"></select>
-<div id="views"></div>
-<h2>By family</h2>
-<div id="groups"></div>
-{curve}
-<details><summary>The resolved recipe</summary><pre>{escape(_yaml(results["recipe"]))}</pre></details>
-<script>{get_plotlyjs()}</script>
-<script type="application/json" id="data">{block}</script>
-<script>{asset.joinpath("page.js").read_text(encoding="utf-8")}</script>
-</body>
-</html>
-"""
+def render(
+    results: Results, examples: Sequence[Example], history: Sequence[dict[str, Any]] | None, *, plotly: str
+) -> str:
+    """The whole page as text.
 
-
-def _table(results: dict[str, Any]) -> str:
-    heads = [f"{name} ×{about['scale']}" for name, about in results["metrics"].items()]
-    head = "".join(f"<th>{escape(h)}</th>" for h in ("method", *heads, "wins", "weights", "seconds a cloud"))
-    table = cells(results)
-    first = next(iter(results["metrics"]))
-    rows = []
-    for number, method in enumerate(results["methods"]):
-        name = method["name"]
-        shown = [table[name, metric] for metric in results["metrics"]]
-        columns = "".join(f'<td{" class=best" if cell.best else ""}>{cell}</td>' for cell in shown)
-        wins = f"{table[name, first].wins}/{len(results['objects'])}" if number != 1 else ""
-        rows.append(
-            f"<tr><td>{escape(name)}</td>{columns}<td>{wins}</td><td>{method['parameters']:,}</td>"
-            f"<td>{method['seconds']:.2f}</td></tr>"
+    Args:
+        results: the numbers.
+        examples: the clouds to show, a row of views each.
+        history: the training's lines, or None if the weights came ready-trained.
+        plotly: the source of plotly.js, embedded once.
+    """
+    metric = next(iter(results.metrics))
+    charts = {"groups": group_chart(results, metric)} if len(set(results.groups)) > 1 else {}
+    if history is not None:
+        charts |= training_charts(history)
+    body = "\n".join(
+        (
+            f"<h1>{html.escape(results.name)}</h1>",
+            f'<p class="lead">{_statement(results)}</p>',
+            _metrics(results),
+            _examples(examples, results),
+            _groups(results, metric) if "groups" in charts else "",
+            _training(results, history is not None, charts),
+            _recipe(results),
         )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-
-
-def _training(training: dict[str, Any]) -> str:
+    )
+    drawn = {"examples": [views(example) for example in examples], "charts": charts}
     return (
-        f"Weights: {training['source']}; trained for {training['steps']} steps in {training['seconds'] / 60:.1f} minutes "
-        f"on {training['device']}."
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{html.escape(results.name)}: results</title>\n"
+        f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        f'<script type="application/json" id="drawn">{_json(drawn)}</script>\n'
+        f"<script>{plotly}</script>\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
     )
 
 
-def _yaml(plain: dict[str, Any]) -> str:
-    text = io.StringIO()
-    YAML(typ="safe").dump(plain, text)
-    return text.getvalue()
+def _statement(results: Results) -> str:
+    """Data, protocol, convention, seed and spread, so that each number can be read alone."""
+    data, count = results.data, len(results.objects)
+    size = f" of {data.object_size:g} mm" if data.object_size is not None else ""
+    left_out = f" ({data.left_out} left out as unusable)" if data.left_out else ""
+    touches = "no touches"
+    if data.touches:
+        touches = f"{data.touches} touch{'es' if data.touches > 1 else ''}"
+        if data.coverage is not None:
+            touches += f" that feel {100 * data.coverage:.3g} % of the true points"
+    text = (
+        f"{count} objects{size} of {data.shapes}, split {data.split}{left_out}. "
+        f"{data.points} points (sampling: {data.sampling}) and {touches} become {data.truth} points ({data.rate}×). "
+        f"Clouds are {data.normalisation.removesuffix('.')}. "
+        f"Numbers are mean ± sample standard deviation over the objects, of one training with seed {results.seed}; "
+        f"lower is better. Recipe {results.fingerprint[:8]}, pcsr {results.version}, {results.created}."
+    )
+    return html.escape(text)
+
+
+def _metrics(results: Results) -> str:
+    count = len(results.objects)
+    heads = [scaled(name, note.scale) for name, note in results.metrics.items()]
+    rows = []
+    for method, row in zip(results.methods, scores(results), strict=True):
+        cells = [html.escape(method.name)]
+        for score in row.values():
+            mark = f'<strong title="best">{score}</strong>' if score.best else str(score)
+            wins = f"<small>{score.wins}/{count} wins</small>" if score.wins is not None else ""
+            cells.append(mark + wins)
+        rows.append([*cells, f"{method.parameters:,}", f"{method.seconds:.3g}"])
+    terms = {name: note.description for name, note in results.metrics.items()}
+    if results.baseline is not None:
+        terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
+    meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())
+    table = _table(["method", *map(html.escape, heads), "parameters", "seconds per cloud"], rows)
+    return f'<section id="metrics"><h2>Metrics</h2>{table}<dl>{meanings}</dl></section>'
+
+
+def _groups(results: Results, metric: str) -> str:
+    """The chart of the first metric, and every metric as a table folded away."""
+    means = {name: group_means(results, name) for name in results.metrics}
+    heads = [
+        f"{html.escape(method.name)}<br>{html.escape(scaled(name, note.scale))}"
+        for name, note in results.metrics.items()
+        for method in results.methods
+    ]
+    rows = [
+        [html.escape(g), str(results.groups.count(g)), *(f"{v:.4g}" for name in means for v in means[name][g])]
+        for g in means[metric]
+    ]
+    table = _table(["group", "objects", *heads], rows)
+    return (
+        '<section id="by-group"><h2>By group of objects</h2><div class="chart" data-chart="groups"></div>'
+        f"<details><summary>Every metric as a table</summary>{table}</details></section>"
+    )
+
+
+def _examples(examples: Sequence[Example], results: Results) -> str:
+    if not examples:
+        return ""
+    tabs = "".join(
+        f'<button type="button" data-example="{k}">{html.escape(example.name)}</button>'
+        for k, example in enumerate(examples)
+    )
+    gradient = ", ".join(f"{colour} {100 * place:g}%" for place, colour in COLOURS)
+    note = (
+        f"Colour is the distance from a predicted point to the nearest of the {results.data.truth} true points, "
+        "on one scale for the row; its end is the error that one point in a hundred exceeds. "
+        "Turning one view turns all; double-click to turn back."
+    )
+    return (
+        f'<section id="examples"><h2>Examples</h2><nav>{tabs}</nav><div class="row"></div>'
+        f'<div class="scale"><span>0</span><i style="background: linear-gradient(to right, {gradient})"></i>'
+        f'<span id="limit"></span></div><p class="note">{html.escape(note)}</p></section>'
+    )
+
+
+def _training(results: Results, trained_here: bool, charts: dict[str, Any]) -> str:
+    """The curves, or where the weights came from instead."""
+    known = {key: value for key, value in results.training.items() if key not in ("source", "validation")}
+    if "seconds" in known:
+        known["seconds"] = f"{known['seconds']:.0f}"
+    facts = ", ".join(f"{key} {value}" for key, value in known.items()) or "nothing more is known of it"
+    source = results.training.get("source", "an unknown source")
+    text = f"Weights from {source}. Training: {facts}."
+    if not trained_here:
+        text = f"The weights came ready-trained, so there is no curve. {text}"
+    drawn = "".join(
+        f'<div class="chart" data-chart="{name}"></div>' for name in ("loss", "validation") if name in charts
+    )
+    return (
+        f'<section id="training"><h2>Training</h2><p>{html.escape(text)}</p><div class="pair">{drawn}</div></section>'
+    )
+
+
+def _recipe(results: Results) -> str:
+    yaml: Any = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = False
+    yaml.sort_base_mapping_type_on_output = False
+    text = StringIO()
+    yaml.dump(results.recipe, text)
+    return (
+        '<section id="recipe"><h2>Recipe</h2><details><summary>Every setting, defaults included</summary>'
+        f"<pre>{html.escape(text.getvalue())}</pre></details></section>"
+    )
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells that are HTML already."""
+    head = "".join(f'<th scope="col">{h}</th>' for h in heads)
+    body = "\n".join(
+        f'<tr><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in rest)}</tr>' for first, *rest in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
+
+
+def _json(data: Any) -> str:
+    """JSON that no HTML parser takes for markup: `</script>` and `<!--` can't occur without a `<`."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _asset(name: str) -> str:
+    return files("pcsr.report").joinpath(name).read_text(encoding="utf-8")

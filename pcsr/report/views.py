@@ -1,43 +1,85 @@
-"""The 3-D views of the report: one example at a time, its clouds side by side, all turned together."""
+"""The 3-D views of an example, as plotly traces: what came in, what was felt, what came out, what is true."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from safetensors.numpy import load_file
 from scipy.spatial import cKDTree
 
-Cloud = Float[np.ndarray, "n 3"]
+from pcsr.report.results import Cloud, Example
+
+DECIMALS = 4
+"""Of coordinates and errors: 10⁻⁴ of the unit sphere is less than a pixel, and keeps the page small."""
+ERROR_SCALE = 1000
+COLOURS: list[tuple[float, str]] = [(0.0, "#7f9bb5"), (0.5, "#e3a02e"), (1.0, "#d0202b")]
+"""From unobtrusive to alarming; each stands out from white and from black."""
 
 
-def examples(path: Path, names: list[str], methods: list[str]) -> list[dict[str, Any]]:
-    """The examples as data for the page's script.
+def views(example: Example) -> dict[str, Any]:
+    """The row of views of one example, plain data for the page's script.
 
-    Each is `{name, views}`, a view being `{title, clouds}`, a cloud `{x, y, z, error?, role}`; errors are distances
-    to the nearest point of the truth, ×10³.
+    Returns:
+        name: of the object.
+        limit: the error at the end of the row's one colour scale, ×10⁻³.
+        range: lowest and highest coordinate for each axis, a cube that holds every view.
+        views: titles, and the plotly traces under them.
     """
-    clouds = load_file(path)
-    shown = []
-    for k, name in enumerate(names):
-        truth = clouds[f"{k}/truth"]
-        seen = [_cloud(clouds[f"{k}/input"], "input")]
-        if f"{k}/touches" in clouds:
-            seen.append(_cloud(clouds[f"{k}/touches"], "touch"))
-        views = [{"title": "input and touches" if len(seen) > 1 else "input", "clouds": seen}]
-        tree = cKDTree(truth)
-        for method in methods:
-            dense = clouds[f"{k}/{method}"]
-            error = 1000 * tree.query(dense)[0]
-            views.append({"title": method, "clouds": [_cloud(dense, "dense", error)]})
-        views.append({"title": "truth", "clouds": [_cloud(truth, "truth")]})
-        shown.append({"name": name, "views": views})
-    return shown
+    errors = {name: distance(cloud, example.truth) * ERROR_SCALE for name, cloud in example.predictions.items()}
+    # A single stray point would otherwise make all others look perfect.
+    limit = float(np.percentile(np.concatenate(list(errors.values())), 99))
+    shown = [_view(f"input, {len(example.input)} points", _plain(example.input, "input", 3))]
+    if example.touches is not None:
+        shown.append(
+            _view(
+                f"touches, {len(example.touches)} points",
+                _plain(example.input, "quiet", 2.5),
+                _plain(example.touches, "touch", 2),
+            )
+        )
+    for name, cloud in example.predictions.items():
+        mean = float(errors[name].mean())
+        shown.append(_view(f"{name}, mean error {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit)))
+    shown.append(_view(f"truth, {len(example.truth)} points", _plain(example.truth, "truth", 1.6)))
+    return {"name": example.name, "limit": limit, "range": _cube(example), "views": shown}
 
 
-def _cloud(points: Cloud, role: str, error: Float[np.ndarray, " n"] | None = None) -> dict[str, Any]:
-    data: dict[str, Any] = {axis: np.round(points[:, i], 3).tolist() for i, axis in enumerate("xyz")}
-    data["role"] = role
-    if error is not None:
-        data["error"] = np.round(error, 1).tolist()
-    return data
+def distance(prediction: Cloud, truth: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, " n"]:
+    """Distance of each predicted point to the nearest truth point."""
+    return np.asarray(cKDTree(truth.astype(np.float64)).query(prediction.astype(np.float64), workers=1)[0])
+
+
+def _view(title: str, *traces: dict[str, Any]) -> dict[str, Any]:
+    return {"title": title, "traces": list(traces)}
+
+
+def _plain(cloud: Cloud, colour: str, size: float) -> dict[str, Any]:
+    """Points of one colour, which the page's style sheet gives under this name."""
+    return {**_points(cloud), "marker": {"size": size, "color": colour}, "hoverinfo": "skip"}
+
+
+def _coloured(cloud: Cloud, errors: Float[np.ndarray, " n"], limit: float) -> dict[str, Any]:
+    return {
+        **_points(cloud),
+        "marker": {
+            "size": 1.8,
+            "color": np.round(errors, 2).tolist(),
+            "cmin": 0,
+            "cmax": limit,
+            "colorscale": COLOURS,
+        },
+        "hovertemplate": "%{marker.color} ×10⁻³<extra></extra>",
+    }
+
+
+def _points(cloud: Cloud) -> dict[str, Any]:
+    # Rounded as doubles: the nearest float32 to 0.1235 would be written with ten digits.
+    x, y, z = np.round(cloud.astype(np.float64), DECIMALS).T.tolist()
+    return {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z}
+
+
+def _cube(example: Example) -> list[list[float]]:
+    """One range for all views, so that one camera means the same in each; strays may fall outside."""
+    held = np.concatenate([c for c in (example.input, example.touches, example.truth) if c is not None])
+    low, high = held.min(0).astype(np.float64), held.max(0).astype(np.float64)
+    middle, half = (low + high) / 2, float((high - low).max()) / 2 * 1.05 or 1.0
+    return [[round(float(m) - half, DECIMALS), round(float(m) + half, DECIMALS)] for m in middle]

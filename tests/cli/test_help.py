@@ -83,9 +83,7 @@ def install(folder, name, entry_points):
 
 
 def test_commands_of_plugins_are_listed_unloaded_and_loaded_when_called(invoke, tmp_path, monkeypatch):
-    install(
-        tmp_path, "lab", "greet = pcsr_test_lab:greet\nbroken = pcsr_test_no_such:x\nodd = math:pi\nrun = a:b"
-    )
+    install(tmp_path, "lab", "greet = pcsr_test_lab:greet\nbroken = pcsr_test_no_such:x\nodd = math:pi\nrun = a:b")
     install(tmp_path, "other", "twice = a:b")
     install(tmp_path, "third", "twice = c:d")
     (tmp_path / "pcsr_test_lab.py").write_text(

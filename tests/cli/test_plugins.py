@@ -26,11 +26,7 @@ def plugin(tmp_path, monkeypatch):
 
 def rows(output):
     """The cells of the table's rows."""
-    return [
-        [cell.strip() for cell in line.split("│")[1:-1]]
-        for line in output.splitlines()
-        if line.startswith("│")
-    ]
+    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines() if line.startswith("│")]
 
 
 def test_it_lists_every_part_with_owner_version_and_traits():

@@ -27,9 +27,7 @@ def test_scale_is_read_off_the_pose():
 def test_coverage_is_the_area_of_the_union(corners, union, scale):
     touches = [square(x, scale=scale, seed=index) for index, x in enumerate(corners)]
     # The edge of each overlap is off by about half a millimetre.
-    assert coverage(touches, 1000 * scale**2) == pytest.approx(
-        union / 1000, abs=0.008 * max(1, len(corners) - 1)
-    )
+    assert coverage(touches, 1000 * scale**2) == pytest.approx(union / 1000, abs=0.008 * max(1, len(corners) - 1))
 
 
 def test_coverage_never_exceeds_the_whole():

@@ -113,9 +113,7 @@ def test_farthest_points_tell_neighbours_apart_in_coordinates_of_millions():
     assert np.array_equal(farthest_points(points + 5e6, 20), farthest_points(points, 20))
 
 
-@pytest.mark.parametrize(
-    "thin", [farthest_points, lambda points, count: poisson_subset(points, count, generator())]
-)
+@pytest.mark.parametrize("thin", [farthest_points, lambda points, count: poisson_subset(points, count, generator())])
 def test_more_points_than_there_are_is_refused(thin):
     with pytest.raises(UserError, match="8 points were asked of a cloud of 7"):
         thin(np.zeros((7, 3)), 8)

@@ -66,9 +66,7 @@ def test_gradients_reach_both_clouds_in_float32():
 def test_points_that_are_not_finite_are_said(spoilt, value):
     pair = clouds(5, 6)
     pair[spoilt][0, 3, 1] = value
-    with pytest.raises(
-        RunError, match=f"the {['first', 'second'][spoilt]} .* has 1 points that are not finite"
-    ):
+    with pytest.raises(RunError, match=f"the {['first', 'second'][spoilt]} .* has 1 points that are not finite"):
         chamfer(*pair)
 
 

@@ -22,9 +22,7 @@ def naive(points, vertices, faces):
 def box_distance(points, half):
     """Distance to the surface of an axis-aligned box, in closed form."""
     outside = np.abs(points) - half
-    return np.where(
-        (outside > 0).any(1), np.linalg.norm(np.maximum(outside, 0), axis=1), np.abs(outside.max(1))
-    )
+    return np.where((outside > 0).any(1), np.linalg.norm(np.maximum(outside, 0), axis=1), np.abs(outside.max(1)))
 
 
 @given(st.integers(0, 999))
@@ -37,9 +35,10 @@ def test_the_distance_agrees_with_trimesh_on_triangles_of_every_shape(seed):
     assert np.allclose(point_to_surface(points, vertices, faces), naive(points, vertices, faces), atol=1e-12)
 
 
-@pytest.mark.parametrize("block", [7, 2048])
-def test_the_distance_to_a_box_is_exact_inside_and_outside(block, monkeypatch):
+@pytest.mark.parametrize(("block", "pairs"), [(2048, 1 << 18), (7, 1 << 18), (2048, 1), (100, 500)])
+def test_the_distance_to_a_box_is_exact_inside_and_outside(block, pairs, monkeypatch):
     monkeypatch.setattr(p2f, "BLOCK", block)
+    monkeypatch.setattr(p2f, "PAIRS", pairs)
     box = trimesh.creation.box((2, 4, 6))
     points = np.random.default_rng(0).normal(size=(300, 3)) * 3
     expected = box_distance(points, np.array([1, 2, 3]))
@@ -50,15 +49,20 @@ def test_long_triangles_are_cut_without_changing_the_answer():
     rod = trimesh.creation.cylinder(0.1, 40, sections=24)
     points = surface_points(rod, 400, np.random.default_rng(0)) + 0.05
     assert len(p2f._cut(np.asarray(rod.triangles), 400)) > 3 * len(rod.faces)
-    assert np.allclose(
-        point_to_surface(points, rod.vertices, rod.faces), naive(points, rod.vertices, rod.faces)
-    )
+    assert np.allclose(point_to_surface(points, rod.vertices, rod.faces), naive(points, rod.vertices, rod.faces))
 
 
 def test_points_of_the_surface_are_at_no_distance():
     ball = trimesh.creation.icosphere(3)
     points = surface_points(ball, 500, np.random.default_rng(0))
     assert point_to_surface(points, ball.vertices, ball.faces).max() < 1e-12
+
+
+def test_a_clump_amid_the_mesh_where_every_triangle_is_a_candidate():
+    ball = trimesh.creation.icosphere(2)
+    points = np.random.default_rng(0).normal(size=(40, 3)) * 1e-3
+    expected = naive(points, ball.vertices, ball.faces)
+    assert np.allclose(point_to_surface(points, ball.vertices, ball.faces), expected, atol=1e-12)
 
 
 def test_the_distance_is_in_the_unit_of_the_mesh():

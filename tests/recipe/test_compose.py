@@ -14,9 +14,7 @@ from pcsr.recipe.source import Place, Source, parse
 
 LEAVES = st.integers(0, 9) | st.text("xyz", max_size=2) | st.lists(st.integers(0, 9), max_size=2)
 NAMES = st.sampled_from("abcd")
-TREES = st.recursive(
-    st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionaries(NAMES, inner | LEAVES), max_leaves=8
-)
+TREES = st.recursive(st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionaries(NAMES, inner | LEAVES), max_leaves=8)
 
 
 def source(tree, origin="file"):
@@ -62,9 +60,7 @@ def test_merge_is_associative_of_trees_that_agree_on_what_is_a_mapping(a, b, c):
 def _sections(tree):
     """The same tree with mappings and leaves under different names."""
     return {
-        f"{key}-map" if isinstance(value, dict) else key: _sections(value)
-        if isinstance(value, dict)
-        else value
+        f"{key}-map" if isinstance(value, dict) else key: _sections(value) if isinstance(value, dict) else value
         for key, value in tree.items()
     }
 
@@ -134,10 +130,7 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
     write("extends: root.yaml\nname: middle\ntrain: {epochs: 5}", "shared/middle.yaml")
     (made,) = compose(write("extends: shared/middle.yaml\nname: leaf"))
     assert made.data == {"name": "leaf", "seed": 1, "train": {"epochs": 5, "batch": 2}}
-    found = {
-        keys: made.place(keys).origin.rpartition("/")[2]
-        for keys in [("name",), ("seed",), ("train", "epochs")]
-    }
+    found = {keys: made.place(keys).origin.rpartition("/")[2] for keys in [("name",), ("seed",), ("train", "epochs")]}
     assert found == {("name",): "recipe.yaml", ("seed",): "root.yaml", ("train", "epochs"): "middle.yaml"}
 
 

@@ -71,9 +71,7 @@ def test_a_resolved_recipe_comes_back_the_same(write, registry):
 def test_a_resolved_recipe_of_other_parts_is_refused(write, registry):
     plain = recipe(write, registry).resolved()
     plain["model"]["fusion"] = {"use": "magic"}
-    with pytest.raises(
-        RecipeError, match=r"^recipe in the weights: there is no fusion 'magic': known: attention"
-    ):
+    with pytest.raises(RecipeError, match=r"^recipe in the weights: there is no fusion 'magic': known: attention"):
         from_resolved(plain, registry)
 
 
@@ -142,9 +140,7 @@ def test_the_data_fingerprint_tells_what_decides_the_data(write, registry, chang
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=20, deadline=None)
-@given(
-    epochs=st.integers(1, 10**6), rate=st.floats(1e-12, 1e3), low=st.integers(0, 16), high=st.integers(0, 16)
-)
+@given(epochs=st.integers(1, 10**6), rate=st.floats(1e-12, 1e3), low=st.integers(0, 16), high=st.integers(0, 16))
 def test_numbers_survive_the_file_the_header_and_back(write, registry, epochs, rate, low, high):
     low, high = sorted((low, high))
     text = f"name: a\ntrain: {{epochs: {epochs}, rate: {rate!r}, touches: [{low}, {high}]}}"

@@ -91,9 +91,7 @@ def test_every_key_that_is_written_twice_is_collected():
 
 
 def test_what_is_not_plain_data_is_collected():
-    source = parse(
-        "&r\na: !!python/object/apply:os.system [echo]\nb: {c: !env HOME}\nd: *r\ne: 2026-01-01", "file"
-    )
+    source = parse("&r\na: !!python/object/apply:os.system [echo]\nb: {c: !env HOME}\nd: *r\ne: 2026-01-01", "file")
     assert source.data == {"a": None, "b": {"c": None}, "d": None, "e": None}
     places = [str(mistake.place) for mistake in source.mistakes]
     assert places == [

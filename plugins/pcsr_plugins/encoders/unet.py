@@ -25,9 +25,7 @@ class UNet(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(
-        self, widths: Widths, *, channels: int = 128, order: Literal["hilbert", "file"] = "hilbert"
-    ) -> None:
+    def __init__(self, widths: Widths, *, channels: int = 128, order: Literal["hilbert", "file"] = "hilbert") -> None:
         super().__init__()
         self.channels = c = channels
         self.order = order

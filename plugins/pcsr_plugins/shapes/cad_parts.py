@@ -49,6 +49,9 @@ GRID = 1e-5
 SLIVER = 2e-3
 """Edges shorter than this, in mm, are collapsed: they are left over where cuts almost meet."""
 
+FLATTEST = 1e-9
+"""The smallest face that a part may have, in mm²: a rounding error of the grid is about as large."""
+
 ATTEMPTS = 20
 """Draws tried for a part: some make one that falls apart, by a hole through its edge for example."""
 
@@ -94,16 +97,12 @@ class CadParts(Shapes):
         if split not in SPLITS or family not in FAMILIES or not number.isdecimal():
             raise UserError(f"cad-parts has no part '{name}': parts are called split/family/number")
         if int(number) * len(FAMILIES) + list(FAMILIES).index(family) >= self.counts[split]:
-            raise UserError(
-                f"cad-parts has no part '{name}' among {self.counts[split]} of '{split}': ask for more"
-            )
+            raise UserError(f"cad-parts has no part '{name}' among {self.counts[split]} of '{split}': ask for more")
         for attempt in range(ATTEMPTS):
             mesh = _mesh(FAMILIES[family](Draw(split, _seed(self.seed, name, attempt))))
             if mesh is not None:
                 return Item(name, family, check_mesh(mesh, name))
-        raise UserError(
-            f"cad-parts could not make '{name}' in one piece with seed {self.seed}: take another seed"
-        )
+        raise UserError(f"cad-parts could not make '{name}' in one piece with seed {self.seed}: take another seed")
 
 
 def _seed(seed: int, name: str, attempt: int) -> int:
@@ -111,7 +110,7 @@ def _seed(seed: int, name: str, attempt: int) -> int:
 
 
 def _mesh(solid: Manifold) -> trimesh.Trimesh | None:
-    """The solid's surface; None unless it is one piece.
+    """The solid's surface; None unless it is sound and one piece.
 
     Crumbs that a cut leaves behind are dropped, since no workshop delivers them.
     """
@@ -124,8 +123,13 @@ def _mesh(solid: Manifold) -> trimesh.Trimesh | None:
     )
     faces = _without_folds(corners.reshape(-1)[np.asarray(surface.tri_verts, np.int64)])
     mesh = trimesh.Trimesh(vertices * GRID, faces, process=False)
-    sound = mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1 and mesh.volume > 0
-    return mesh if sound else None
+    return mesh if _sound(mesh) else None
+
+
+def _sound(mesh: trimesh.Trimesh) -> bool:
+    """One watertight body, turned the right way out, without flat faces."""
+    closed = mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+    return bool(closed and mesh.body_count == 1 and mesh.area_faces.min() > FLATTEST)
 
 
 def _without_folds(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:

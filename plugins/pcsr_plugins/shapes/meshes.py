@@ -102,9 +102,7 @@ def _load(path: Path) -> trimesh.Trimesh:
         # Unprocessed: processing drops faces that are not finite, and whoever exported them should know.
         scene = trimesh.load_scene(path, process=False, skip_materials=True)
         for geometry in scene.geometry.values():
-            geometry.visual = (
-                trimesh.visual.ColorVisuals()
-            )  # textures would split corners and need an image library
+            geometry.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
         loaded = scene.to_mesh()
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         raise UserError(f"{path} cannot be read as a mesh: {type(error).__name__}: {error}") from error

@@ -24,15 +24,11 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if not len(faces):
-        raise UserError(
-            f"{name} has no faces: a mesh of triangles is needed, not a cloud of points or curves"
-        )
+        raise UserError(f"{name} has no faces: a mesh of triangles is needed, not a cloud of points or curves")
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise UserError(f"{name} has faces of shape {faces.shape}: triangulate it")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise UserError(
-            f"{name} has a face whose corner is not among its {len(vertices)} vertices: repair it"
-        )
+        raise UserError(f"{name} has a face whose corner is not among its {len(vertices)} vertices: repair it")
     corners = vertices[faces]
     if not np.isfinite(corners).all():
         raise UserError(f"{name} has a coordinate that is not finite: repair or re-export it")

@@ -182,9 +182,7 @@ def _rim(width: float, height: float) -> Float[np.ndarray, "p 2"]:
     return grid[(np.abs(grid[:, 0]) > width / 2) | (np.abs(grid[:, 1]) > height / 2)]
 
 
-def _frames(
-    normals: Float[np.ndarray, "p 3"], tilt: float, rng: np.random.Generator
-) -> Float[np.ndarray, "p 3 3"]:
+def _frames(normals: Float[np.ndarray, "p 3"], tilt: float, rng: np.random.Generator) -> Float[np.ndarray, "p 3 3"]:
     """Sensor axes as columns: z along the normal but for a small tilt in a random direction; a random yaw."""
     angle = np.radians(np.clip(rng.normal(size=len(normals)), -2, 2) * tilt)[:, None]
     towards, yaw = rng.uniform(0, 2 * np.pi, (2, len(normals)))
@@ -202,9 +200,7 @@ def _across(axes: Float[np.ndarray, "p 3"], angles: Float[np.ndarray, " p"]) -> 
     return turned
 
 
-def _contact(
-    penetration: Float[np.ndarray, "rows columns"], least: float
-) -> Bool[np.ndarray, "rows columns"]:
+def _contact(penetration: Float[np.ndarray, "rows columns"], least: float) -> Bool[np.ndarray, "rows columns"]:
     """Where the gel is pressed, as far as it is connected with the deepest point."""
     labels, _ = ndimage.label(penetration > least)
     deepest = np.unravel_index(np.argmax(penetration), penetration.shape)

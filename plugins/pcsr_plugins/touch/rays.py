@@ -23,9 +23,7 @@ class MeshRays:
         if not len(corners):
             raise UserError(f"{name}: the mesh has no faces, so there is nothing to touch: leave it out")
         if not np.isfinite(corners).all():
-            raise UserError(
-                f"{name}: the mesh has a coordinate that is not finite: repair it or leave it out"
-            )
+            raise UserError(f"{name}: the mesh has a coordinate that is not finite: repair it or leave it out")
         low, high = corners.min((0, 1)), corners.max((0, 1))
         extent = float((high - low).max())
         scale = 1.0 if object_size is None or extent == 0 else object_size / extent
@@ -61,9 +59,7 @@ class MeshRays:
         across = u[:, None] * self._edges[0, faces] + v[:, None] * self._edges[1, faces]
         return self._corners[faces] + across, self._normals[faces]
 
-    def heights(
-        self, places: Float[np.ndarray, "p 3"], axes: Float[np.ndarray, "p 3"]
-    ) -> Float[np.ndarray, " p"]:
+    def heights(self, places: Float[np.ndarray, "p 3"], axes: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
         """How high above each place, along its axis, the object begins for who comes from far outside.
 
         Args:

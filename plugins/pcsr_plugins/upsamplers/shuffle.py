@@ -17,9 +17,7 @@ class Shuffle(Upsampler):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(
-        self, widths: Widths, *, hidden: int = 64, start: Literal["origin", "point"] = "origin"
-    ) -> None:
+    def __init__(self, widths: Widths, *, hidden: int = 64, start: Literal["origin", "point"] = "origin") -> None:
         super().__init__()
         self.rate = widths.rate
         self.start = start
@@ -28,9 +26,7 @@ class Shuffle(Upsampler):
                 f"upsampler 'shuffle' cuts the backbone's {widths.refined} channels into {widths.rate} equal pieces, "
                 f"which leaves {widths.refined % widths.rate} over: choose a rate that divides {widths.refined}"
             )
-        self.mlp = nn.Sequential(
-            nn.Linear(widths.refined // widths.rate, hidden), nn.ReLU(), nn.Linear(hidden, 3)
-        )
+        self.mlp = nn.Sequential(nn.Linear(widths.refined // widths.rate, hidden), nn.ReLU(), nn.Linear(hidden, 3))
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Shuffle and reconstruct."""

@@ -1,6 +1,6 @@
 import json
-import pickle
 from functools import cache
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +10,10 @@ from manifold3d import Manifold
 
 from pcsr import UserError
 from pcsr_plugins.shapes import cad_parts
-from pcsr_plugins.shapes.cad_parts import FAMILIES, GRID, CadParts
+from pcsr_plugins.shapes.cad_parts import FAMILIES, FLATTEST, GRID, CadParts
 
 FINGERPRINTS = Path(__file__).with_name("fingerprints.json")
-"""Area, volume, extents and faces of the first part of each family; `python test_cad_parts.py` rewrites it."""
+"""Numbers of the first part of each family. `python test_cad_parts.py` rewrites them."""
 
 
 @cache
@@ -23,22 +23,22 @@ def part(name):
 
 def fingerprint(mesh):
     """What a machine whose sines differ in the last bit still reproduces."""
-    numbers = [mesh.area, mesh.volume, *mesh.extents, *np.sort(mesh.vertices, axis=0).mean(axis=0)]
-    return [float(f"{number:.5g}") for number in numbers]
+    numbers = [mesh.area, mesh.volume, *mesh.extents, *mesh.center_mass, *mesh.centroid]
+    return [round(float(number), 3) for number in numbers]
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("split", ["train", "validation", "test"])
 def test_every_part_is_one_sound_body(family, split):
-    for number in range(2):
+    for number in range(2 if split == "train" else 1):
         mesh = part(f"{split}/{family}/{number:04d}")
         assert mesh.is_watertight
         assert mesh.is_winding_consistent
         assert mesh.body_count == 1
         assert mesh.volume > 0.001 * mesh.convex_hull.volume
-        assert 20 < mesh.extents.max() < 200
+        assert 10 < mesh.extents.max() < 200
         assert 250 <= len(mesh.faces) <= 20_000
-        assert np.count_nonzero(mesh.area_faces < 1e-9) == 0
+        assert mesh.area_faces.min() > FLATTEST
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -51,7 +51,7 @@ def test_the_same_parts_on_every_machine():
     stored = json.loads(FINGERPRINTS.read_text())
     assert list(stored) == list(FAMILIES)
     for family, numbers in stored.items():
-        np.testing.assert_allclose(fingerprint(part(f"train/{family}/0000")), numbers, rtol=1e-4, atol=1e-3)
+        np.testing.assert_allclose(fingerprint(part(f"train/{family}/0000")), numbers, rtol=1e-6, atol=1.5e-3)
 
 
 def test_vertices_lie_on_the_grid():
@@ -94,11 +94,8 @@ def test_every_family_has_a_docstring_and_there_are_enough():
     assert all(function.__doc__ for function in FAMILIES.values())
 
 
-def test_cheap_to_pickle():
-    shapes = CadParts(count=7, seed=3)
-    packed = pickle.dumps(shapes)
-    assert len(packed) < 300
-    assert pickle.loads(packed).names("train") == shapes.names("train")
+def test_what_a_worker_is_sent_is_small():
+    assert len(ForkingPickler.dumps(CadParts(count=100_000))) < 300
 
 
 @pytest.mark.parametrize(
@@ -125,6 +122,21 @@ def test_a_draw_that_falls_apart_is_drawn_again(monkeypatch):
     solids = [cube + cube.translate((99, 0, 0)), cube - cube.scale((9, 9, 9)).translate((-9, -9, -9)), cube]
     monkeypatch.setitem(FAMILIES, "gear", lambda draw: solids.pop(0))
     assert CadParts().item("train/gear/0000").mesh.volume == pytest.approx(27_000)
+
+
+def test_what_is_flat_open_or_in_two_is_not_sound():
+    box = trimesh.creation.box((30, 30, 30))
+    corner, other, third = box.faces[0]
+    middle = box.vertices[[corner, other]].mean(axis=0)  # on an edge, so that one of its three faces is flat
+    faces = [*box.faces[1:], (corner, other, 8), (other, third, 8), (third, corner, 8)]
+    flat = trimesh.Trimesh([*box.vertices, middle], faces, process=False)
+    assert flat.is_watertight
+    assert np.sum(flat.area_faces < 1e-12) == 1
+    assert cad_parts._sound(box)
+    assert not cad_parts._sound(flat)
+    assert not cad_parts._sound(trimesh.Trimesh(box.vertices, box.faces[1:], process=False))
+    assert not cad_parts._sound(trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False))
+    assert not cad_parts._sound(trimesh.util.concatenate([box, box.copy().apply_translation((99, 0, 0))]))
 
 
 def test_a_family_that_always_falls_apart_is_reported(monkeypatch):

@@ -123,9 +123,7 @@ def test_the_tilt_stays_within_twice_its_deviation():
 
 def test_too_small_a_contact_is_no_touch():
     needle = trimesh.creation.cylinder(radius=0.2, height=60)
-    with pytest.raises(
-        UserError, match=r"part-3: touch 'digit' found 0 of 2 touches.* at 60 mm .*raise object_size"
-    ):
+    with pytest.raises(UserError, match=r"part-3: touch 'digit' found 0 of 2 touches.* at 60 mm .*raise object_size"):
         touch(needle, 2)
     assert touch(needle, 2, at_least=10, points=10)
 
@@ -140,9 +138,7 @@ def test_the_housing_never_enters_the_object(monkeypatch):
 
     touches = touch(channel, 40)
     assert not any(inside(felt) for felt in touches)
-    assert any((np.abs(felt.points[:, 2]) < 1e-6).all() for felt in touches), (
-        "the slot is wide enough to get in"
-    )
+    assert any((np.abs(felt.points[:, 2]) < 1e-6).all() for felt in touches), "the slot is wide enough to get in"
     monkeypatch.setattr("pcsr_plugins.touch.digit.PROTRUSION", np.inf)
     assert any(inside(felt) for felt in touch(channel, 40))
 
@@ -188,8 +184,7 @@ def test_a_recipe_gives_the_options_and_is_told_of_impossible_ones(wrong):
 
 def test_only_the_part_of_the_contact_with_the_deepest_point_is_felt():
     bars = [
-        trimesh.creation.box((60, 5, 20), trimesh.transformations.translation_matrix([0, y, 0]))
-        for y in (-4.0, 4.0)
+        trimesh.creation.box((60, 5, 20), trimesh.transformations.translation_matrix([0, y, 0])) for y in (-4.0, 4.0)
     ]
     across = 0
     for felt in touch(trimesh.util.concatenate(bars), 20, tilt=0.0):

@@ -98,9 +98,7 @@ def arch(draw: Draw) -> Manifold:
     outer = [(x * (span + 2 * t) / (2 * rise), y) for x, y in arc(rise, 0, 180)]
     pier = draw(8, 30)
     wide = span / 2 + t
-    profile = CrossSection(
-        [[(-wide, -pier), (wide, -pier), (wide, 0), *[(x, y + t) for x, y in outer], (-wide, 0)]]
-    )
+    profile = CrossSection([[(-wide, -pier), (wide, -pier), (wide, 0), *[(x, y + t) for x, y in outer], (-wide, 0)]])
     inner = [(x * span / (2 * rise), y) for x, y in arc(rise, 0, 180)]
     profile -= CrossSection([[(-span / 2, -pier - 1), (span / 2, -pier - 1), *inner]])
     body = along_y(extrude(rounded(profile, 0.5), depth)).translate((0, depth / 2, 0))
@@ -179,8 +177,7 @@ def joint(draw: Draw) -> Manifold:
     reach, back = draw(14, 28), draw(5, 10)
     wide = gap + 2 * ear
     ears = extrude(
-        CrossSection.circle(r, 64).translate((reach, 0))
-        + CrossSection.square((reach, 2 * r)).translate((0, -r)),
+        CrossSection.circle(r, 64).translate((reach, 0)) + CrossSection.square((reach, 2 * r)).translate((0, -r)),
         wide,
     )
     body = ears.translate((0, 0, -wide / 2)) - box(reach + r + 2, 2 * r + 2, gap).translate(

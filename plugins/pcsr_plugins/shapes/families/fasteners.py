@@ -64,9 +64,7 @@ def nut(draw: Draw) -> Manifold:
     )
     kind = draw.whole(0, 3)
     if kind == 1:
-        body += turned(
-            [(0, 0), (1.35 * wide, 0), (1.35 * wide, 0.12 * h), (0.9 * wide, 0.4 * h), (0, 0.4 * h)]
-        )
+        body += turned([(0, 0), (1.35 * wide, 0), (1.35 * wide, 0.12 * h), (0.9 * wide, 0.4 * h), (0, 0.4 * h)])
     elif kind == 2:
         crown = tube(0.85 * wide, 0.9 * r, 1.5 * h)
         slot = box(3 * wide, 0.4 * r, h).translate((0, 0, h))
@@ -112,9 +110,7 @@ def spring(draw: Draw) -> Manifold:
         inward = np.stack([end[0] * (1 - s), end[1] * (1 - s), end[2] + pitch * s**2], axis=1)
         body += swept(inward, wire * 0.98, segments=14) + Manifold.sphere(wire, 20).translate(tuple(end))
         rod = inward[-1]
-        body += cylinder(wire, draw(4, 12), 20).translate(
-            (float(rod[0]), float(rod[1]), float(rod[2]) - 0.3 * wire)
-        )
+        body += cylinder(wire, draw(4, 12), 20).translate((float(rod[0]), float(rod[1]), float(rod[2]) - 0.3 * wire))
     return body
 
 
@@ -153,9 +149,7 @@ def chain_link(draw: Draw) -> Manifold:
             body += stud
         return body
     thick, gap = draw(1.5, 3), draw(4, 9)
-    neck = CrossSection.batch_hull(
-        [CrossSection.circle(r, 64).translate((x * straight / 2, 0)) for x in (-1, 1)]
-    )
+    neck = CrossSection.batch_hull([CrossSection.circle(r, 64).translate((x * straight / 2, 0)) for x in (-1, 1)])
     waist = draw(1.2, 2.5) * r
     for y in (-1, 1):
         neck -= CrossSection.circle(waist, 96).translate((0, y * (waist + draw(0.5, 0.75) * r)))
@@ -163,8 +157,7 @@ def chain_link(draw: Draw) -> Manifold:
     body = plates
     for x in (-1, 1):
         body += (
-            cylinder(0.42 * r, 2 * thick + gap + 2)
-            + tube(0.62 * r, 0.3 * r, gap).translate((0, 0, thick + 1))
+            cylinder(0.42 * r, 2 * thick + gap + 2) + tube(0.62 * r, 0.3 * r, gap).translate((0, 0, thick + 1))
         ).translate((x * straight / 2, 0, -1))
     return body
 

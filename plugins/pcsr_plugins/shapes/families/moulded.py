@@ -54,9 +54,9 @@ def pad(draw: Draw) -> Manifold:
     kind = draw.one_of(["block", "wedge", "disc", "ball"])
     if kind == "ball":
         r = 0.6 * a
-        body = Manifold.sphere(r, ROUND).scale((1, draw(0.75, 1), draw(0.6, 1))) - box(
-            3 * r, 3 * r, r
-        ).translate((0, 0, -r - draw(0.3, 0.55) * r))
+        body = Manifold.sphere(r, ROUND).scale((1, draw(0.75, 1), draw(0.6, 1))) - box(3 * r, 3 * r, r).translate(
+            (0, 0, -r - draw(0.3, 0.55) * r)
+        )
         h = r
     elif kind == "disc":
         ring = Manifold.revolve(CrossSection.circle(r, SMALL).translate((a / 2 - r / 2, 0)), ROUND)
@@ -87,9 +87,7 @@ def spanner(draw: Draw) -> Manifold:
     shank = rectangle(length, draw(0.8, 1.2) * size, 1.5).translate((length / 2, 0))
     body = extrude(rounded(shank, 1), 0.75 * t).translate((0, 0, 0.125 * t))
     if draw.maybe():
-        web = extrude(rectangle(0.6 * length, 0.45 * size, 0.2 * size), t).translate(
-            (length / 2, 0, 0.65 * t)
-        )
+        web = extrude(rectangle(0.6 * length, 0.45 * size, 0.2 * size), t).translate((length / 2, 0, 0.65 * t))
         body -= web
         body -= web.translate((0, 0, -1.3 * t))
     cuts = []
@@ -98,9 +96,7 @@ def spanner(draw: Draw) -> Manifold:
         place = (end * length, 0, 0)
         if draw.maybe():
             head, gap = CrossSection.circle(1.15 * s, ROUND), extrude(rectangle(3 * s, s, 0.1), 3 * t)
-            gap = gap.translate((1.5 * s - 0.35 * s, 0, -t)).rotate(
-                (0, 0, draw(-20, 20) + (0 if end else 180))
-            )
+            gap = gap.translate((1.5 * s - 0.35 * s, 0, -t)).rotate((0, 0, draw(-20, 20) + (0 if end else 180)))
         else:
             head = CrossSection.circle(0.95 * s, ROUND)
             gap = cylinder(0.58 * s, 3 * t, 6).translate((0, 0, -t))

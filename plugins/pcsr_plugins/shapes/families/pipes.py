@@ -85,9 +85,7 @@ def valve(draw: Draw) -> Manifold:
     bonnet = turned([(0, 0.9 * outer), (0.75 * outer, 0.9 * outer), (0.6 * outer, up), (0, up)], 0.4)
     bonnet += cylinder(stem, draw(10, 18), SMALL).translate((0, 0, up - 1))
     top = up + 8
-    rim = Manifold.revolve(CrossSection.circle(draw(1.2, 2), 20).translate((wheel, 0)), 56).translate(
-        (0, 0, top)
-    )
+    rim = Manifold.revolve(CrossSection.circle(draw(1.2, 2), 20).translate((wheel, 0)), 56).translate((0, 0, top))
     spoke = along_x(cylinder(1.2, wheel, 20)).translate((0, 0, top))
     bonnet += rim + union(spoke.rotate((0, 0, 120 * i)) for i in range(3))
     return body + along_x(bonnet)

@@ -31,9 +31,7 @@ def plate(draw: Draw) -> Manifold:
     corners = [(x, y) for x in (-a / 2 + inset, a / 2 - inset) for y in (-b / 2 + inset, b / 2 - inset)]
     body -= grid_of(hole(r, t, draw(0.5, 1.5) if draw.maybe() else 0), corners)
     if draw.maybe():
-        body -= extrude(rectangle(draw(0.25, 0.5) * a, draw(0.25, 0.5) * b, draw(2, 5)), t + 2).translate(
-            (0, 0, -1)
-        )
+        body -= extrude(rectangle(draw(0.25, 0.5) * a, draw(0.25, 0.5) * b, draw(2, 5)), t + 2).translate((0, 0, -1))
     else:
         boss = draw(0.14, 0.22) * b
         body += cylinder(boss, t + draw(4, 15))
@@ -67,9 +65,7 @@ def adapter(draw: Draw) -> Manifold:
             body += extrude(disc.offset(-0.1 * wall), height)
         if ribbed and (x, y) != (0, 0):
             rib = box(float(np.hypot(x, y)), draw(1.5, 2.5), t + 0.5 * (min(height, heights[0]) - t) + 1)
-            body += rib.translate((float(np.hypot(x, y)) / 2, 0, 0)).rotate(
-                (0, 0, float(np.degrees(np.arctan2(y, x))))
-            )
+            body += rib.translate((float(np.hypot(x, y)) / 2, 0, 0)).rotate((0, 0, float(np.degrees(np.arctan2(y, x)))))
     for (x, y), r, height in zip(places, radii, heights, strict=True):
         body -= hole(r, height, draw(0, 1.2)).translate((x, y, 0))
     return body
@@ -94,9 +90,7 @@ def bracket(draw: Draw) -> Manifold:
         body -= along_x(hole(r, 2 * t)).translate((-1, y, z))
     if draw.maybe():
         leg = draw(0.35, 0.6)
-        gusset = along_y(
-            extrude(polygon([(0.5 * t, 0.5 * t), (leg * a, 0.5 * t), (0.5 * t, leg * b)]), draw(2, 4))
-        )
+        gusset = along_y(extrude(polygon([(0.5 * t, 0.5 * t), (leg * a, 0.5 * t), (0.5 * t, leg * b)]), draw(2, 4)))
         places = [0.0] if holes == 2 or draw.maybe() else [-0.42 * width, 0.42 * width]
         body += union(gusset.translate((0, y + 1.5, 0)) for y in places)
     return body
@@ -205,9 +199,9 @@ def sheet_bracket(draw: Draw) -> Manifold:
             for j in range(columns):
                 place = ((j - (columns - 1) / 2) * min(pitch, 0.45 * width / columns), 6 + i * pitch)
                 if place[1] < height - r - 1.5:
-                    flange -= CrossSection.circle(
-                        r if columns == 1 else min(r, 0.15 * width / columns), 24
-                    ).translate(place)
+                    flange -= CrossSection.circle(r if columns == 1 else min(r, 0.15 * width / columns), 24).translate(
+                        place
+                    )
         leaf = extrude(flange, t).rotate((90, 0, 90)).translate((reach / 2 - t, 0, 0)).rotate((0, 0, turn))
         body += leaf
         if draw.maybe():  # the bend's inner radius

@@ -91,9 +91,7 @@ def hole(radius: Number, depth: Number, sink: Number = 0.0) -> Manifold:
 
 def ring_of(solid: Manifold, count: int, radius: Number, phase: Number = 0.0) -> Manifold:
     """Copies on a circle about z, each turned with it."""
-    return union(
-        solid.translate((radius, 0, 0)).rotate((0, 0, phase + 360 * i / count)) for i in range(count)
-    )
+    return union(solid.translate((radius, 0, 0)).rotate((0, 0, phase + 360 * i / count)) for i in range(count))
 
 
 def grid_of(solid: Manifold, places: Iterable[tuple[Number, Number]]) -> Manifold:
@@ -112,9 +110,7 @@ def turned(profile: Sequence[tuple[Number, Number]], fillet: Number = 0.0, segme
     return Manifold.revolve(outline, segments)
 
 
-def swept(
-    path: Float[np.ndarray, "n 3"], radius: Number, *, closed: bool = False, segments: int = 16
-) -> Manifold:
+def swept(path: Float[np.ndarray, "n 3"], radius: Number, *, closed: bool = False, segments: int = 16) -> Manifold:
     """A wire of round section along a path; flat ends unless it is closed."""
     n = len(path)
     tangent = np.roll(path, -1, 0) - np.roll(path, 1, 0)
@@ -130,9 +126,7 @@ def swept(
     normal[0] /= np.linalg.norm(normal[0])
     side = np.cross(tangent, normal)
     angle = 2 * np.pi * np.arange(segments) / segments
-    rings = path[:, None] + radius * (
-        np.cos(angle)[:, None] * normal[:, None] + np.sin(angle)[:, None] * side[:, None]
-    )
+    rings = path[:, None] + radius * (np.cos(angle)[:, None] * normal[:, None] + np.sin(angle)[:, None] * side[:, None])
     vertices = rings.reshape(-1, 3)
     faces = []
     for i in range(n if closed else n - 1):
@@ -151,7 +145,4 @@ def swept(
 
 def arc(radius: Number, start: Number, end: Number, count: int = 33) -> list[tuple[float, float]]:
     """Points on a circle about the origin, angles in degrees."""
-    return [
-        (radius * float(np.cos(t)), radius * float(np.sin(t)))
-        for t in np.radians(np.linspace(start, end, count))
-    ]
+    return [(radius * float(np.cos(t)), radius * float(np.sin(t))) for t in np.radians(np.linspace(start, end, count))]

@@ -71,9 +71,7 @@ def profile(draw: Draw) -> Manifold:
         outline = rectangle(a, b, 2 * t) - rectangle(a - 2 * t, b - 2 * t, t)
     else:
         mouth = rectangle(0.6 * a, 0.28 * a).translate((0.5 * a, 0))
-        pocket = polygon(
-            [(0.41 * a, -0.29 * a), (0.41 * a, 0.29 * a), (0.2 * a, 0.1 * a), (0.2 * a, -0.1 * a)]
-        )
+        pocket = polygon([(0.41 * a, -0.29 * a), (0.41 * a, 0.29 * a), (0.2 * a, 0.1 * a), (0.2 * a, -0.1 * a)])
         outline = rectangle(a, a, 0.08 * a) - CrossSection.circle(draw(0.07, 0.11) * a, SMALL)
         for i in range(4):
             outline -= (mouth.translate((0.22 * a, 0)) + pocket).rotate(90 * i)
@@ -94,9 +92,7 @@ def washer(draw: Draw) -> Manifold:
     kind = draw.one_of(["plain", "bevelled", "spring", "tab", "toothed", "square", "spacer"])
     ring = CrossSection.circle(outer, 96)
     if kind == "bevelled":
-        body = turned(
-            [(0, 0), (outer, 0), (outer, 0.4 * t), (0.6 * outer + 0.4 * bore, t), (0, t)], segments=96
-        )
+        body = turned([(0, 0), (outer, 0), (outer, 0.4 * t), (0.6 * outer + 0.4 * bore, t), (0, t)], segments=96)
         return body - hole(bore, t).translate((0, 0, 0))
     if kind == "spring":
         t = 0.45 * (outer - bore)
@@ -138,9 +134,9 @@ def circlip(draw: Draw) -> Manifold:
         for lobe in lobes:
             ring -= CrossSection.circle(0.45 * eye, SMALL).translate(lobe)
         return extrude(ring, t)
-    inner = CrossSection.circle(0.62 * r, ROUND) + CrossSection.square(
-        (r, draw(0.7, 1.0) * r), True
-    ).translate((r * 0.7, 0))
+    inner = CrossSection.circle(0.62 * r, ROUND) + CrossSection.square((r, draw(0.7, 1.0) * r), True).translate(
+        (r * 0.7, 0)
+    )
     ring -= inner
     for angle in (0, 120, 240):
         prong = rectangle(0.4 * r, draw(0.2, 0.3) * r, 0.05 * r).translate((-0.58 * r, 0)).rotate(angle)

@@ -44,9 +44,7 @@ def gear(draw: Draw) -> Manifold:
             (r, 0.25),
             (inner, 0.36),
         ):
-            outline.append(
-                (float(radius * np.cos(a + share * angles)), float(radius * np.sin(a + share * angles)))
-            )
+            outline.append((float(radius * np.cos(a + share * angles)), float(radius * np.sin(a + share * angles))))
     profile = CrossSection([outline])
     helix = draw(8, 25) if draw.maybe(0.3) else 0.0
     body = Manifold.extrude(profile, t, 8 if helix else 0, helix)

@@ -39,18 +39,24 @@ def knob(draw: Draw) -> Manifold:
 
 
 def bearing(draw: Draw) -> Manifold:
-    """A ball bearing with its cage bridging the balls, or a shielded one."""
+    """A ball bearing: its cage bridging the balls, or shielded; flanged or grooved for a snap ring on some."""
     bore, t = draw(7, 16), draw(7, 15)
-    race, outer = bore + draw(2.5, 4), 0.0
-    ball = draw(0.24, 0.36) * t
+    race, ball = bore + draw(2.5, 4), draw(0.24, 0.36) * t
     middle = race + ball * 0.9
-    outer = middle + 0.9 * ball + draw(2.5, 4.5)
-    inner_ring, outer_ring = tube(race, bore, t), tube(outer, middle + 0.9 * ball, t)
+    inside = middle + 0.9 * ball
+    outer = inside + draw(2.5, 4.5)
+    c = draw(0.3, 0.8)
+    edge = [(outer - c, 0), (outer, c), (outer, t - c), (outer - c, t)]
+    outer_ring = turned([(inside, 0), *edge, (inside, t)])
+    inner_ring = turned([(bore, c), (bore + c, 0), (race, 0), (race, t), (bore + c, t), (bore, t - c)])
+    collar = draw.one_of(["none", "flange", "groove"])
+    if collar == "flange":
+        outer_ring += tube(outer + draw(1.5, 3), inside + 0.5, draw(1, 2.4))
+    elif collar == "groove":
+        outer_ring -= tube(outer + 1, outer - draw(0.6, 1.2), draw(1, 1.8)).translate((0, 0, 0.7 * t))
     if draw.maybe(0.6):
         balls = ring_of(Manifold.sphere(ball, SMALL), draw.whole(7, 12), middle).translate((0, 0, t / 2))
-        cage = tube(middle + 0.5 * ball, middle - 0.5 * ball, 0.6 * ball).translate(
-            (0, 0, t / 2 - 0.3 * ball)
-        )
+        cage = tube(middle + 0.5 * ball, middle - 0.5 * ball, 0.6 * ball).translate((0, 0, t / 2 - 0.3 * ball))
         web = ring_of(box(2 * ball + 2.4, 1.2, 0.5 * t).translate((0, 0, 0.25 * t)), 3, middle)
         return inner_ring + outer_ring + balls + cage + web
     shield = tube(middle + ball, race - 0.1, 0.86 * t).translate((0, 0, 0.07 * t))
@@ -122,9 +128,7 @@ def bushing(draw: Draw) -> Manifold:
     """A flanged bushing or spacer, with oil grooves, a slit or cross holes."""
     bore, wall, h = draw(5, 14), draw(2, 5), draw(14, 38)
     outer = bore + wall
-    body = turned(
-        [(bore, 0), (outer, 0), (outer, h - 0.8), (outer - 0.8, h), (bore + 0.5, h), (bore, h - 0.5)]
-    )
+    body = turned([(bore, 0), (outer, 0), (outer, h - 0.8), (outer - 0.8, h), (bore + 0.5, h), (bore, h - 0.5)])
     if draw.maybe(0.6):
         body += tube(outer + draw(3, 8), bore, draw(2, 4.5))
     kind = draw.whole(0, 2)
@@ -133,13 +137,9 @@ def bushing(draw: Draw) -> Manifold:
     elif kind == 1:
         cross = along_x(cylinder(draw(1.2, 2.6), 4 * outer, SMALL)).translate((-2 * outer, 0, 0))
         levels = draw.whole(1, 2)
-        body -= union(
-            cross.rotate((0, 0, 90 * i)).translate((0, 0, h * (0.4 + 0.3 * i))) for i in range(levels)
-        )
+        body -= union(cross.rotate((0, 0, 90 * i)).translate((0, 0, h * (0.4 + 0.3 * i))) for i in range(levels))
     else:
-        body -= union(
-            tube(outer + 1, outer - 0.45 * wall, 2).translate((0, 0, h * f)) for f in (0.4, 0.6, 0.8)
-        )
+        body -= union(tube(outer + 1, outer - 0.45 * wall, 2).translate((0, 0, h * f)) for f in (0.4, 0.6, 0.8))
     return body
 
 
@@ -165,9 +165,7 @@ def lamp_post(draw: Draw) -> Manifold:
     """A street lamp: a stepped foot, a tapering post, one or two curved arms with lanterns."""
     h, r = draw(60, 110), draw(1.8, 3.2)
     foot = draw(6, 10)
-    body = turned(
-        [(0, 0), (foot, 0), (foot, 3), (0.7 * foot, 5), (0.55 * foot, 12), (r, 16), (0.7 * r, h), (0, h)]
-    )
+    body = turned([(0, 0), (foot, 0), (foot, 3), (0.7 * foot, 5), (0.55 * foot, 12), (r, 16), (0.7 * r, h), (0, h)])
     if draw.maybe():
         body += union(tube(1.7 * r, 0.3 * r, 2).translate((0, 0, h * f)) for f in (0.4, 0.75))
     arms, reach = draw.whole(0, 2), draw(10, 22)

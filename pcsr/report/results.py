@@ -1,0 +1,242 @@
+"""What a run folder holds, read and checked, and the numbers that the page and the screen both show."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError, model_validator
+from safetensors import SafetensorError, safe_open
+
+from pcsr.errors import UserError
+
+Cloud = Float[np.ndarray, "n 3"]
+
+
+class Data(BaseModel):
+    """What was compared."""
+
+    shapes: str
+    split: str
+    points: int
+    truth: int
+    rate: int
+    touches: int
+    sampling: str
+    normalisation: str
+    coverage: float | None = None
+    """Part of the truth that the touches felt, 0 to 1."""
+    object_size: float | None = None
+    """Millimetres."""
+    left_out: int = 0
+
+
+class MetricNote(BaseModel):
+    """How a metric is shown: its value times `scale`."""
+
+    description: str
+    scale: float
+
+
+class MethodResult(BaseModel):
+    """What one method reached: `values[metric]` has one number for each object."""
+
+    name: str
+    parameters: int
+    seconds: float
+    values: dict[str, list[FiniteFloat]]
+
+
+class Results(BaseModel):
+    """`results.json`. The first method is the recipe's own, the second the baseline that wins are counted against."""
+
+    name: str
+    fingerprint: str
+    seed: int
+    version: str
+    recipe: dict[str, Any]
+    data: Data
+    metrics: dict[str, MetricNote] = Field(min_length=1)
+    objects: list[str] = Field(min_length=1)
+    groups: list[str]
+    methods: list[MethodResult] = Field(min_length=1)
+    training: dict[str, Any] = {}
+    hardware: dict[str, Any] = {}
+    created: str
+
+    @property
+    def baseline(self) -> str | None:
+        """The method that the others are held against; None if there is only one."""
+        return self.methods[1].name if len(self.methods) > 1 else None
+
+    @model_validator(mode="after")
+    def _one_number_each(self) -> Self:
+        if len(self.groups) != len(self.objects):
+            raise ValueError(f"{len(self.objects)} objects but {len(self.groups)} groups")
+        for method in self.methods:
+            for metric in self.metrics:
+                found = len(method.values.get(metric, ()))
+                if found != len(self.objects):
+                    raise ValueError(f"'{method.name}' has {found} values of {metric} for {len(self.objects)} objects")
+        return self
+
+
+@dataclass(frozen=True)
+class Score:
+    """One cell of the table, times the metric's scale."""
+
+    mean: float
+    deviation: float
+    """Sample standard deviation over the objects; 0 for a single one."""
+    best: bool
+    wins: int | None
+    """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
+    decimals: int
+    """As many as give the largest mean of the column four significant digits."""
+
+    def __str__(self) -> str:
+        return f"{self.mean:.{self.decimals}f} ± {self.deviation:.{self.decimals}f}"
+
+
+@dataclass(frozen=True)
+class Example:
+    """The clouds of one object, in one frame."""
+
+    name: str
+    input: Cloud
+    touches: Cloud | None
+    truth: Cloud
+    predictions: dict[str, Cloud]
+
+
+def parse_results(data: dict[str, Any], source: str = "the results") -> Results:
+    """Check results read from JSON.
+
+    Raises:
+        UserError: a key is missing or of the wrong kind, or a method lacks values.
+    """
+    try:
+        return Results.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise UserError(f"{source}: {f'{place}: ' if place else ''}{first['msg']}; do `pcsr run` again") from error
+
+
+def read_results(path: Path) -> Results:
+    """Read `results.json`.
+
+    Raises:
+        UserError: the file is missing or malformed.
+    """
+    try:
+        data = json.loads(_text(path))
+    except json.JSONDecodeError as error:
+        raise UserError(f"{path}:{error.lineno}: {error.msg}; do `pcsr run` again") from error
+    if not isinstance(data, dict):
+        raise UserError(f"{path}: not a JSON object; do `pcsr run` again")
+    return parse_results(data, str(path))
+
+
+def read_history(path: Path) -> list[dict[str, Any]] | None:
+    """Read `metrics.jsonl`; None if there is none, since ready-trained weights have no history here.
+
+    Raises:
+        UserError: a line is malformed.
+    """
+    if not path.exists():
+        return None
+    history = []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        try:
+            entry = json.loads(line)
+            step = entry["step"]
+            numbers = [step, *([entry["loss"]] if "validation" not in entry else entry["validation"].values())]
+            if not all(isinstance(n, int | float) for n in (*numbers, *entry.get("losses", {}).values())):
+                raise TypeError
+        except (json.JSONDecodeError, AttributeError, KeyError, TypeError) as error:
+            raise UserError(f"{path}:{number}: not a line of a training history; do `pcsr run` again") from error
+        history.append(entry)
+    return history
+
+
+def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
+    """Read `examples.safetensors`.
+
+    Raises:
+        UserError: the file is missing or malformed, or lacks a cloud.
+    """
+    if not path.is_file():
+        raise UserError(f"{path} is missing; do `pcsr run` again")
+    try:
+        with safe_open(path, framework="numpy") as file:
+            names = json.loads(file.metadata()["names"])
+            clouds = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        return [
+            Example(
+                name,
+                clouds[f"{k}/input"],
+                clouds.get(f"{k}/touches"),
+                clouds[f"{k}/truth"],
+                {method: clouds[f"{k}/{method}"] for method in methods},
+            )
+            for k, name in enumerate(names)
+        ]
+    except KeyError as error:
+        raise UserError(f"{path} lacks {error}; do `pcsr run` again") from error
+    except (SafetensorError, OSError, TypeError, json.JSONDecodeError) as error:
+        raise UserError(f"{path} is no file of examples: {error}; do `pcsr run` again") from error
+
+
+def scores(results: Results) -> list[dict[str, Score]]:
+    """The cells of the table: for each method, its score in each metric."""
+    rows: list[dict[str, Score]] = [{} for _ in results.methods]
+    for metric, note in results.metrics.items():
+        values = np.array([m.values[metric] for m in results.methods]) * note.scale
+        means = values.mean(1)
+        deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
+        decimals = _decimals(float(means.max()))
+        for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
+            compared = results.baseline not in (None, method.name)
+            row[metric] = Score(
+                float(mean),
+                float(deviation),
+                len(means) > 1 and bool(mean == means.min()),
+                int((own < values[1]).sum()) if compared else None,
+                decimals,
+            )
+    return rows
+
+
+def group_means(results: Results, metric: str) -> dict[str, list[float]]:
+    """The scaled mean of a metric over each group, one for each method; groups in alphabetical order."""
+    groups = np.array(results.groups)
+    values = np.array([m.values[metric] for m in results.methods]) * results.metrics[metric].scale
+    return {str(g): values[:, groups == g].mean(1).tolist() for g in np.unique(groups)}
+
+
+def scaled(metric: str, scale: float) -> str:
+    """The heading of a metric: ``cd ×10³``."""
+    if scale == 1:
+        return metric
+    power = math.log10(scale)
+    if power == int(power):
+        return f"{metric} ×10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return f"{metric} ×{scale:g}"
+
+
+def _decimals(largest: float) -> int:
+    return max(0, 3 - math.floor(math.log10(largest))) if largest > 0 else 1
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise UserError(f"{path} is missing; do `pcsr run` again") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} can't be read: {error}; do `pcsr run` again") from error
