@@ -1,5 +1,6 @@
 """The flat charts, as plotly figures: a metric by group of objects, and the course of the training."""
 
+import html
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,8 +21,9 @@ def group_chart(results: Results, metric: str) -> dict[str, Any]:
         {
             "type": "bar",
             "orientation": "h",
-            "name": method.name,
-            "y": [group for group, _ in means],
+            # plotly reads names as markup
+            "name": html.escape(method.name, quote=False),
+            "y": [html.escape(group, quote=False) for group, _ in means],
             "x": [round(values[k], 4) for _, values in means],
             "marker": {"color": COLOURS[k % len(COLOURS)]},
             "hovertemplate": "%{y}: %{x}",

@@ -4,7 +4,7 @@
   const drawn = JSON.parse(document.getElementById("drawn").textContent);
   const row = document.querySelector("#examples .row");
   const buttons = [...document.querySelectorAll("[data-example]")];
-  const home = { eye: { x: 1.15, y: 1.15, z: 0.8 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
+  const home = { eye: { x: 1, y: 1, z: 0.7 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
   const config = { displayModeBar: false, responsive: true };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   const copy = (value) => JSON.parse(JSON.stringify(value));

@@ -135,8 +135,8 @@ def _training(results: Results, trained_here: bool, charts: dict[str, Any]) -> s
     if "seconds" in known:
         known["seconds"] = f"{known['seconds']:.0f}"
     facts = ", ".join(f"{key} {value}" for key, value in known.items()) or "nothing more is known of it"
-    source = results.training.get("source", "an unknown source")
-    text = f"Weights from {source}. Training: {facts}."
+    source = results.training.get("source", "of unknown source")
+    text = f"Weights: {source}. Training: {facts}."
     if not trained_here:
         text = f"The weights came ready-trained, so there is no curve. {text}"
     drawn = "".join(

@@ -96,7 +96,7 @@ class Score:
     wins: int | None
     """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
     decimals: int
-    """As many as give the largest mean of the column four significant digits."""
+    """As many as give the smallest mean of the column three significant digits."""
 
     def __str__(self) -> str:
         return f"{self.mean:.{self.decimals}f} ± {self.deviation:.{self.decimals}f}"
@@ -199,7 +199,7 @@ def scores(results: Results) -> list[dict[str, Score]]:
         values = np.array([m.values[metric] for m in results.methods]) * note.scale
         means = values.mean(1)
         deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
-        decimals = _decimals(float(means.max()))
+        decimals = _decimals(float(means.min()))
         for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
             compared = results.baseline not in (None, method.name)
             row[metric] = Score(
@@ -229,8 +229,8 @@ def scaled(metric: str, scale: float) -> str:
     return f"{metric} ×{scale:g}"
 
 
-def _decimals(largest: float) -> int:
-    return max(0, 3 - math.floor(math.log10(largest))) if largest > 0 else 1
+def _decimals(smallest: float) -> int:
+    return max(0, 2 - math.floor(math.log10(smallest))) if smallest > 0 else 3
 
 
 def _text(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from rich import box
 from rich.markup import escape
 from rich.table import Table
 
@@ -22,12 +23,12 @@ def table(results: dict[str, Any]) -> Table:
     caption = f"mean ± standard deviation over {count} objects of {checked.data.shapes}; lower is better"
     if checked.baseline is not None:
         caption += f"; wins: objects on which the method is better than {checked.baseline}"
-    shown = Table(title=escape(checked.name), caption=escape(caption))
+    shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
     for metric, note in checked.metrics.items():
         shown.add_column(scaled(metric, note.scale), justify="right")
     shown.add_column("parameters", justify="right")
-    shown.add_column("s per cloud", justify="right")
+    shown.add_column("s/cloud", justify="right")
     for method, row in zip(checked.methods, scores(checked), strict=True):
         cells = []
         for score in row.values():

@@ -10,12 +10,15 @@ Norm is LayerNorm throughout: a batch norm would tie the points of one object to
 """
 
 import torch
+from jaxtyping import Float
 from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Backbone, Trait, Widths
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.tensors import Features, Neighbours, Points
+
+Refined = Float[torch.Tensor, "b n refined"]
 
 
 class PUTransformer(Backbone):
@@ -39,7 +42,7 @@ class PUTransformer(Backbone):
             TransformerEncoder(c_in, c_out, windows) for c_in, c_out in zip(wide, channels, strict=False)
         )
 
-    def forward(self, points: Points, features: Features) -> Features:
+    def forward(self, points: Points, features: Features) -> Refined:
         """Refine the features; the neighbour graph is that of the coordinates, built once for all encoders."""
         near = knn(points, points, self.neighbours)
         for encoder in self.encoders:
@@ -58,11 +61,11 @@ class TransformerEncoder(nn.Module):
         self.norm_mlp = nn.LayerNorm(c_out)
         self.mlp = nn.Sequential(nn.Linear(c_out, c_out), nn.ReLU())
 
-    def forward(self, points: Points, features: Features, near: Neighbours) -> Features:
+    def forward(self, points: Points, features: Features, near: Neighbours) -> Refined:
         """The three lines of the module's docstring."""
         g = self.position(points, features, near)
         g = g + self.attention(self.norm_attention(g))
-        refined: Features = g + self.mlp(self.norm_mlp(g))
+        refined: Refined = g + self.mlp(self.norm_mlp(g))
         return refined
 
 
@@ -74,7 +77,7 @@ class PositionalFusion(nn.Module):
         self.geometry = EdgeMax(3, c_out // 2)
         self.features = EdgeMax(c_in, c_out - c_out // 2)
 
-    def forward(self, points: Points, features: Features, near: Neighbours) -> Features:
+    def forward(self, points: Points, features: Features, near: Neighbours) -> Refined:
         """Concatenate both halves."""
         return torch.cat([self.geometry(points, near), self.features(features, near)], dim=-1)
 
@@ -90,7 +93,7 @@ class EdgeMax(nn.Module):
         super().__init__()
         self.edge = nn.Linear(2 * c_in, c_out)
 
-    def forward(self, x: Features, near: Neighbours) -> Features:
+    def forward(self, x: Features, near: Neighbours) -> Refined:
         """Features of the edges' maximum."""
         u, v = self.edge.weight.chunk(2, dim=1)
         return F.relu(F.linear(x, u - v, self.edge.bias) + neighbour_max(F.linear(x, v), near))

@@ -14,6 +14,7 @@ approach is to apply MLPs followed by max-pooling", which the equations don't; `
 from typing import Literal
 
 import torch
+from jaxtyping import Float
 from torch import nn
 
 from pcsr import Fusion, Touches, Trait, Widths
@@ -45,7 +46,7 @@ class Iterative(Fusion):
             f = torch.where(touches.mask[:, i, None, None], fused, f)
         return back(order, f)
 
-    def fuse(self, fp: Features, ft: Features, f: Features) -> Features:
+    def fuse(self, fp: Features, ft: Float[torch.Tensor, "b n ct"], f: Features) -> Features:
         """FeaFus, the body of Algorithm 1's loop; points in the curve's order."""
         fm = self.mlp(torch.cat([ft, f], dim=-1))  # (b n c)
         if self.pool == "global":

@@ -1,0 +1,142 @@
+"""Batches follow from seed, step and place alone."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr.data.batches import JITTER, SCALE, Batches, _rotation
+from pcsr.data.dataset import Split
+from pcsr.geometry.frames import UnitSphere
+
+ALL = ("redraw", "rotate", "scale", "jitter")
+
+
+def split(count: int = 7) -> Split:
+    random = torch.Generator().manual_seed(1)
+    truth = torch.randn(count, 40, 3, generator=random)
+    return Split(
+        names=[f"object {i}" for i in range(count)],
+        groups=["all"] * count,
+        truth=truth,
+        points=truth[:, :10].clone(),
+        touches=torch.randn(count, 3, 8, 3, generator=random),
+        spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
+        about={},
+    )
+
+
+def batches(*augment: str, size: int = 4, touches: tuple[int, int] = (0, 3), seed: int = 5, count: int = 7) -> Batches:
+    return Batches(split(count), size, touches, augment, seed)
+
+
+def clouds(batch):
+    return batch.points, batch.touches, batch.truth
+
+
+@given(step=st.integers(0, 50))
+def test_the_same_step_gives_the_same_batch_whatever_came_before(step):
+    made = batches(*ALL)
+    made.at(step + 1)
+    for a, b in zip(clouds(made.at(step)), clouds(batches(*ALL).at(step)), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_steps_and_seeds_differ():
+    first = batches(*ALL).at(0).points
+    assert not torch.equal(first, batches(*ALL).at(1).points)
+    assert not torch.equal(first, batches(*ALL, seed=6).at(0).points)
+
+
+@pytest.mark.parametrize(("size", "ranks"), [(4, 2), (6, 3), (6, 2), (4, 4), (1, 1)])
+def test_the_shares_of_all_ranks_are_the_batch_of_one(size, ranks):
+    made = batches(*ALL, size=size)
+    for step in range(5):
+        shares = [clouds(made.at(step, rank, ranks)) for rank in range(ranks)]
+        for whole, *parts in zip(clouds(made.at(step)), *shares, strict=True):
+            assert {len(part) for part in parts} == {size // ranks}
+            assert torch.equal(torch.cat(parts), whole)
+
+
+def test_an_epoch_shows_each_object_at_most_once_and_epochs_differ_in_order():
+    made = batches(size=3)
+    assert made.per_epoch == 2
+    frames = [UnitSphere.fit(points.numpy()).apply(points.numpy()) for points in made.split.points]
+    seen = []
+    for step in range(8):
+        for row in made.at(step).points:
+            (item,) = [i for i, frame in enumerate(frames) if np.array_equal(frame, row.numpy())]
+            seen.append(item)
+    epochs = [tuple(seen[i : i + 6]) for i in range(0, 24, 6)]
+    assert all(len(set(epoch)) == 6 for epoch in epochs)
+    assert len(set(epochs)) > 1
+
+
+def test_each_batch_draws_its_own_number_of_touches():
+    made = batches(*ALL, touches=(1, 3))
+    counts = [made.at(step).touches.shape[1] for step in range(30)]
+    assert set(counts) == {1, 2, 3}
+    assert batches(*ALL, touches=(0, 0)).at(0).touches.shape == (4, 0, 8, 3)
+
+
+def test_touches_of_a_row_are_different_touches_of_its_object():
+    made = batches(touches=(3, 3), size=1, count=1)
+    sphere = UnitSphere.fit(made.split.points[0].numpy())
+    felt = made.at(0).touches[0]
+    assert {touch.numpy().tobytes() for touch in felt} == {
+        sphere.apply(touch.numpy()).tobytes() for touch in made.split.touches[0]
+    }
+
+
+def test_the_sparse_cloud_fills_the_unit_sphere_and_is_part_of_the_truth():
+    for augment in ((), ("redraw",)):
+        batch = batches(*augment).at(0)
+        torch.testing.assert_close(batch.points.norm(dim=-1).amax(1), torch.ones(4))
+        torch.testing.assert_close(batch.points.mean(1), torch.zeros(4, 3), atol=1e-6, rtol=0)
+        assert torch.cdist(batch.points, batch.truth).amin(2).max() < 2e-3  # cdist rounds small distances
+
+
+def test_redraw_takes_other_points_each_time_and_none_twice():
+    first, second = batches("redraw", size=7).at(0).points, batches("redraw", size=7).at(1).points
+    assert all(len(row.unique(dim=0)) == 10 for row in first)
+    assert not any(torch.equal(a, b) for a in first for b in second)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_rotation_keeps_lengths_and_handedness(seed):
+    turn = _rotation(np.random.default_rng(seed)).astype(np.float64)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    assert np.linalg.det(turn) == pytest.approx(1, abs=1e-6)
+
+
+def test_rotations_have_no_favourite_direction():
+    rng = np.random.default_rng(0)
+    turns = np.stack([_rotation(rng) for _ in range(4000)])
+    assert np.abs(turns.mean(0)).max() < 0.05  # standard error of an entry: 0.577 / sqrt(4000) = 0.009
+    np.testing.assert_allclose((turns**2).mean(0), 1 / 3, atol=0.03)
+
+
+@pytest.mark.parametrize("augment", [("rotate",), ("scale",), ("rotate", "scale")])
+def test_all_clouds_of_a_row_move_together(augment):
+    still, moved = batches(touches=(2, 2)).at(0), batches(*augment, touches=(2, 2)).at(0)
+    for row in range(4):
+        a = torch.cat([still.points[row], still.touches[row].flatten(0, 1), still.truth[row]]).double()
+        b = torch.cat([moved.points[row], moved.touches[row].flatten(0, 1), moved.truth[row]]).double()
+        change = torch.linalg.lstsq(a, b).solution
+        torch.testing.assert_close(a @ change, b, atol=1e-5, rtol=0)
+        square = change @ change.T
+        torch.testing.assert_close(square, square[0, 0] * torch.eye(3).double(), atol=1e-5, rtol=0)
+        factor = float(square[0, 0]) ** 0.5
+        assert torch.linalg.det(change) > 0
+        assert factor == pytest.approx(1, abs=1e-5) if "scale" not in augment else SCALE[0] <= factor <= SCALE[1]
+        assert not torch.allclose(change, torch.eye(3).double(), atol=1e-3)
+
+
+def test_jitter_moves_the_sparse_cloud_alone_and_little():
+    still, moved = batches(touches=(2, 2)).at(0), batches("jitter", touches=(2, 2)).at(0)
+    assert torch.equal(still.truth, moved.truth)
+    assert torch.equal(still.touches, moved.touches)
+    noise = moved.points - still.points
+    assert noise.abs().max() <= 3 * JITTER + 1e-6
+    assert float(noise.std()) == pytest.approx(JITTER, rel=0.3)

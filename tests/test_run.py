@@ -1,0 +1,158 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from lightning_fabric import Fabric
+
+from pcsr import UserError
+from pcsr.checkpoint import load_weights, read_card, save_weights
+from pcsr.data.dataset import Split
+from pcsr.geometry.frames import UnitSphere
+from pcsr.metrics import chamfer
+from pcsr.model import build
+from pcsr.plugins import load_plugins
+from pcsr.recipe import load
+from pcsr.train import train
+
+ROOT = Path(__file__).parents[1]
+TINY = [
+    "data.points=64", "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
+    "train.epochs=3", "train.batch=4",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return load_plugins()
+
+
+@pytest.fixture(scope="module")
+def recipe(registry):
+    return load(ROOT / "recipes/smoke.yaml", registry, TINY)[0]
+
+
+@pytest.fixture(scope="module")
+def split():
+    generator = torch.Generator().manual_seed(0)
+    truth = torch.nn.functional.normalize(torch.randn(8, 256, 3, generator=generator), dim=-1)
+    names = [str(i) for i in range(8)]
+    felt = truth[:, :60].reshape(8, 2, 30, 3)
+    spheres = [UnitSphere.fit(cloud.numpy()) for cloud in truth]
+    return Split(names, names, truth, truth[:, 100:164], felt, spheres, {"rejected": {}})
+
+
+def weights(network):
+    return torch.cat([p.detach().flatten() for p in network.parameters()])
+
+
+def fabric():
+    return Fabric(accelerator="cpu", devices=1)
+
+
+def test_stopping_and_going_on_gives_the_weights_of_not_stopping(recipe, registry, split, tmp_path):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    whole.mkdir(), parts.mkdir()
+
+    def stop(progress):
+        if progress.step == 3:
+            raise KeyboardInterrupt
+
+    once = train(recipe, registry, split, split, whole, fabric())
+    with pytest.raises(KeyboardInterrupt):
+        train(recipe, registry, split, split, parts, fabric(), shown=stop, checkpoint_every=0.0)
+    twice = train(recipe, registry, split, split, parts, fabric())
+    assert torch.equal(weights(once), weights(twice))
+    steps = [json.loads(line)["step"] for line in (parts / "metrics.jsonl").read_text().splitlines() if "loss" in line]
+    assert steps == list(range(1, 7))
+
+
+def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, registry, split):
+    network = build(recipe, registry).eval()
+    points, felt = split.points[:2], split.touches[:2]
+    plain = network(points, 4)
+    absent = torch.zeros(2, 2, dtype=torch.bool)
+    assert torch.equal(network(points, 4, felt, absent), plain)
+    mixed = network(points, 4, felt, torch.tensor([[True, True], [False, False]]))
+    assert torch.allclose(mixed[1], plain[1], atol=1e-6)
+    assert torch.allclose(mixed[0], network(points[:1], 4, felt[:1])[0], atol=1e-5)
+    assert not torch.allclose(mixed[0], plain[0], atol=1e-5)
+
+
+def test_gradients_reach_the_touch_encoder(recipe, registry, split):
+    network = build(recipe, registry)
+    network(split.points[:2], 4, split.touches[:2]).square().sum().backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
+
+
+def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, split):
+    network, order = build(recipe, registry).eval(), torch.randperm(64)
+    with torch.no_grad():
+        one = chamfer(network(split.points, 4, split.touches), split.truth)
+        other = chamfer(network(split.points[:, order], 4, split.touches), split.truth)
+    assert torch.allclose(one, other, rtol=1e-5)
+
+
+def test_fusion_none_thins_its_output(registry, split):
+    overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
+    network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
+    assert network(split.points[:2], 4, split.touches[:2]).shape == (2, 256, 3)
+
+
+def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
+    network, path = build(recipe, registry), tmp_path / "w.safetensors"
+    save_weights(path, network, {"recipe": recipe.resolved()})
+    again, recipe_again, _ = load_weights(path, registry)
+    assert recipe_again == recipe
+    assert torch.equal(weights(again), weights(network))
+    wider = recipe.resolved()
+    wider["model"]["encoder"]["channels"] = 16
+    save_weights(path, network, {"recipe": wider})
+    with pytest.raises(UserError, match=r"do not fit the network of their recipe: encoder\."):
+        load_weights(path, registry)
+    path.write_bytes(path.read_bytes()[:50])
+    with pytest.raises(UserError, match="not a weights file"):
+        read_card(path)
+
+
+@pytest.mark.parametrize("name", [path.stem for path in (ROOT / "pcsr/weights").glob("*.safetensors")])
+def test_shipped_weights_are_those_of_their_recipe(name, registry):
+    path = ROOT / f"pcsr/weights/{name}.safetensors"
+    network, recipe, card = load_weights(path, registry)
+    assert card["fingerprint"] == load(ROOT / f"recipes/{name}.yaml", registry)[0].fingerprint == recipe.fingerprint
+    assert path.stat().st_size < 8e6
+
+
+def test_the_whole_way_as_a_person_goes_it(tmp_path):
+    plugin = tmp_path / "mine.py"
+    plugin.write_text(
+        "from pcsr import Fusion, hookimpl\n"
+        "class Mine(Fusion):\n"
+        "    def __init__(self, widths):\n        super().__init__()\n"
+        "    def forward(self, points, features, touches):\n        return features + touches.flat.mean()\n"
+        "@hookimpl\ndef pcsr_register(register):\n    register.fusion('mine', Mine)\n"
+    )
+    broken = tmp_path / "broken.py"
+    broken.write_text("raise RuntimeError('no')\n")
+    small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
+    command = [
+        str(Path(sys.executable).with_name("pcsr")),
+        "run",
+        str(ROOT / "recipes/smoke.yaml"),
+        "--runs",
+        str(tmp_path / "r"),
+    ]
+    command += [
+        "--plugin",
+        str(plugin),
+        "--plugin",
+        str(broken),
+        *(w for s in [*TINY[:4], *small] for w in ("--set", s)),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "midpoint" in done.stdout
+    (folder,) = (tmp_path / "r").glob("smoke-*")
+    assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
