@@ -59,5 +59,6 @@ def png(image: Float[np.ndarray, "h w"]) -> bytes:
 
 if __name__ == "__main__":
     shapes = CadParts()
-    names = shapes.names("train")[: len(FAMILIES)]
-    Path(sys.argv[1]).write_bytes(png(sheet([shapes.item(name).mesh for name in names], columns=8, size=128)))
+    names = sorted(shapes.names("train")[: 2 * len(FAMILIES)])  # two of each family, side by side
+    parts = [shapes.item(name).mesh for name in names]
+    Path(sys.argv[1]).write_bytes(png(sheet(parts, columns=12, size=96)))

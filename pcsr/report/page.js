@@ -30,20 +30,41 @@
     };
   }
 
-  // Only the view under the pointer leads. What it does to the others makes events too, which go no further.
-  let following = false;
-  let pending = null;
-  function follow(leader, seen) {
-    if (following || !seen) return;
+  // Only the view that was last touched leads: turning the others makes the same events, which must go no further.
+  let leader = null;
+  let followed = null;
+  let turning = false;
+  function follow(view, seen) {
+    if (view !== leader || !seen) return;
     camera = copy(seen);
-    const waiting = pending !== null;
-    pending = leader;
-    if (!waiting) requestAnimationFrame(() => {
-      const first = pending;
-      pending = null;
-      following = true;
-      const turned = views.filter((v) => v !== first).map((v) => Plotly.relayout(v, { "scene.camera": copy(camera) }));
-      Promise.all(turned).finally(() => { following = false; });
+    if (!turning) turn();
+  }
+
+  async function turn() {
+    turning = true;
+    while (followed !== camera) {
+      followed = camera;
+      const others = views.filter((view) => view !== leader);
+      await Promise.all(others.map((view) => Plotly.relayout(view, { "scene.camera": copy(camera) })));
+      await new Promise(requestAnimationFrame);
+    }
+    turning = false;
+  }
+
+  function link(view) {
+    const moved = (event) => follow(view, event["scene.camera"]);
+    view.on("plotly_relayouting", moved);
+    view.on("plotly_relayout", moved);
+    view.addEventListener("pointerdown", () => { leader = view; }, true);
+    view.addEventListener("wheel", () => {
+      leader = view;
+      // plotly tells of a zoom before the camera has moved, and then not again.
+      [50, 200, 600].forEach((wait) => setTimeout(() => follow(view, view._fullLayout.scene._scene?.getCamera()), wait));
+    }, true);
+    view.addEventListener("dblclick", () => {
+      leader = null;
+      camera = copy(home);
+      if (!turning) turn();
     });
   }
 
@@ -71,12 +92,9 @@
       made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(example.range), config));
     });
     await Promise.all(made);
-    views.forEach((view) => {
-      if (view.dataset.linked) return;
+    views.filter((view) => !view.dataset.linked).forEach((view) => {
       view.dataset.linked = "yes";
-      const moved = (event) => follow(view, event["scene.camera"]);
-      view.on("plotly_relayouting", moved);
-      view.on("plotly_relayout", moved);
+      link(view);
     });
   }
 
@@ -84,6 +102,7 @@
     const { data, layout } = drawn.charts[place.dataset.chart];
     const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line") };
     const legend = { orientation: "h", y: 1, yanchor: "bottom", x: 0 };
+    place.style.height = `${layout.height}px`;
     Plotly.react(place, data, {
       margin: { l: 60, r: 10, t: 40, b: 50 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",

@@ -45,7 +45,8 @@ def render(
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(results.name)}: results</title>\n"
-        f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n"
+        "<noscript><p>The views and charts need JavaScript.</p></noscript>\n</main>\n"
         f'<script type="application/json" id="drawn">{_json(drawn)}</script>\n'
         f"<script>{plotly}</script>\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
     )
@@ -83,6 +84,9 @@ def _metrics(results: Results) -> str:
             cells.append(mark + wins)
         rows.append([*cells, f"{method.parameters:,}", f"{method.seconds:.3g}"])
     terms = {name: note.description for name, note in results.metrics.items()}
+    terms["seconds"] = "mean wall time for one cloud"
+    if results.hardware:
+        terms["seconds"] += f" ({', '.join(f'{key} {value}' for key, value in results.hardware.items())})"
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())
@@ -131,12 +135,14 @@ def _examples(examples: Sequence[Example], results: Results) -> str:
 
 def _training(results: Results, trained_here: bool, charts: dict[str, Any]) -> str:
     """The curves, or where the weights came from instead."""
-    known = {key: value for key, value in results.training.items() if key not in ("source", "validation")}
-    if "seconds" in known:
-        known["seconds"] = f"{known['seconds']:.0f}"
-    facts = ", ".join(f"{key} {value}" for key, value in known.items()) or "nothing more is known of it"
-    source = results.training.get("source", "of unknown source")
-    text = f"Weights: {source}. Training: {facts}."
+    training = results.training
+    facts = [
+        *([f"{training.steps} steps"] if training.steps is not None else []),
+        *([f"{training.seconds / 60:.1f} minutes"] if training.seconds is not None else []),
+        *([f"on {training.device}"] if training.device is not None else []),
+        *([f"{training.threads} threads"] if training.threads is not None else []),
+    ]
+    text = f"Weights: {training.source}. Training: {', '.join(facts) or 'nothing is known of it'}."
     if not trained_here:
         text = f"The weights came ready-trained, so there is no curve. {text}"
     drawn = "".join(

@@ -51,6 +51,16 @@ class MethodResult(BaseModel):
     values: dict[str, list[FiniteFloat]]
 
 
+class Training(BaseModel):
+    """Where the weights came from; what isn't known is absent."""
+
+    source: str = "of unknown source"
+    steps: int | None = None
+    seconds: float | None = None
+    device: str | None = None
+    threads: int | None = None
+
+
 class Results(BaseModel):
     """`results.json`. The first method is the recipe's own, the second the baseline that wins are counted against."""
 
@@ -64,7 +74,7 @@ class Results(BaseModel):
     objects: list[str] = Field(min_length=1)
     groups: list[str]
     methods: list[MethodResult] = Field(min_length=1)
-    training: dict[str, Any] = {}
+    training: Training = Training()
     hardware: dict[str, Any] = {}
     created: str
 
@@ -156,9 +166,9 @@ def read_history(path: Path) -> list[dict[str, Any]] | None:
             entry = json.loads(line)
             step = entry["step"]
             numbers = [step, *([entry["loss"]] if "validation" not in entry else entry["validation"].values())]
-            if not all(isinstance(n, int | float) for n in (*numbers, *entry.get("losses", {}).values())):
-                raise TypeError
-        except (json.JSONDecodeError, AttributeError, KeyError, TypeError) as error:
+            if not all(math.isfinite(number) for number in (*numbers, *entry.get("losses", {}).values())):
+                raise ValueError("not finite")
+        except (ValueError, AttributeError, KeyError, TypeError) as error:
             raise UserError(f"{path}:{number}: not a line of a training history; do `pcsr run` again") from error
         history.append(entry)
     return history
@@ -176,6 +186,9 @@ def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
         with safe_open(path, framework="numpy") as file:
             names = json.loads(file.metadata()["names"])
             clouds = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        for key, cloud in clouds.items():
+            if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
+                raise ValueError(f"{key} of shape {cloud.shape} is no cloud of finite points")
         return [
             Example(
                 name,
@@ -188,7 +201,7 @@ def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
         ]
     except KeyError as error:
         raise UserError(f"{path} lacks {error}; do `pcsr run` again") from error
-    except (SafetensorError, OSError, TypeError, json.JSONDecodeError) as error:
+    except (SafetensorError, OSError, TypeError, ValueError) as error:
         raise UserError(f"{path} is no file of examples: {error}; do `pcsr run` again") from error
 
 

@@ -26,7 +26,7 @@ def views(example: Example) -> dict[str, Any]:
     """
     errors = {name: distance(cloud, example.truth) * ERROR_SCALE for name, cloud in example.predictions.items()}
     # A single stray point would otherwise make all others look perfect.
-    limit = float(np.percentile(np.concatenate(list(errors.values())), 99))
+    limit = float(np.percentile(np.concatenate(list(errors.values())), 99)) or 1.0
     shown = [_view(f"input, {len(example.input)} points", _plain(example.input, "input", 3))]
     if example.touches is not None:
         shown.append(

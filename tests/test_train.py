@@ -1,0 +1,209 @@
+"""Training: its steps, its history, and that a stop leaves no trace."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from lightning_fabric import Fabric
+
+from pcsr import Objective
+from pcsr.data.dataset import Split
+from pcsr.errors import RunError, UserError
+from pcsr.geometry.frames import UnitSphere
+from pcsr.model import Network
+from pcsr.plugins import load_plugins
+from pcsr.recipe import Recipe, load
+from pcsr.registry import Entry
+from pcsr.train import CHECKPOINT, HISTORY, Progress, learning_rate, train, validate
+
+SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+TINY = f"""\
+extends: {SMOKE.as_posix()}
+name: tiny
+data: {{touches: 1, points: 24, touch: {{points: 16}}}}
+model:
+  encoder: {{channels: 8}}
+  touch_encoder: {{channels: 4}}
+  backbone: {{channels: [8], neighbours: 4}}
+  upsampler: {{hidden: 8}}
+train: {{epochs: 4, batch: 3, touches: [0, 2]}}
+"""
+STEPS = 8
+"""Four epochs of two batches."""
+
+
+@pytest.fixture
+def recipe(tmp_path) -> Recipe:
+    path = tmp_path / "tiny.yaml"
+    path.write_text(TINY)
+    (only,) = load(path, load_plugins())
+    return only
+
+
+def split(count: int, seed: int) -> Split:
+    random = torch.Generator().manual_seed(seed)
+    truth = torch.randn(count, 96, 3, generator=random)
+    truth = truth / truth.norm(dim=-1, keepdim=True)
+    return Split(
+        names=[f"object {i}" for i in range(count)],
+        groups=["all"] * count,
+        truth=truth,
+        points=truth[:, ::4].clone(),
+        touches=truth[:, :32].reshape(count, 2, 16, 3).clone(),
+        spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
+        about={},
+    )
+
+
+def trained(recipe: Recipe, run: Path, **options) -> Network:
+    run.mkdir(exist_ok=True)
+    fabric = Fabric(accelerator="cpu", devices=1)
+    return train(recipe, options.pop("registry", load_plugins()), split(6, 1), split(2, 2), run, fabric, **options)
+
+
+def history(run: Path) -> list[dict]:
+    """The history without its times, which differ from run to run."""
+    lines = [json.loads(line) for line in (run / HISTORY).read_text().splitlines()]
+    return [{key: value for key, value in line.items() if key != "seconds"} for line in lines]
+
+
+def stop_at(step: int):
+    def shown(progress: Progress) -> None:
+        if progress.step == step:
+            raise KeyboardInterrupt
+
+    return shown
+
+
+def signal_at(step: int, number: signal.Signals):
+    def shown(progress: Progress) -> None:
+        assert progress.step <= step, "training went on after the signal"
+        if progress.step == step:
+            os.kill(os.getpid(), number)
+
+    return shown
+
+
+def same(a: Network, b: Network) -> bool:
+    return all(torch.equal(x, y) for x, y in zip(a.parameters(), b.parameters(), strict=True))
+
+
+@pytest.mark.parametrize("optimizer", ["adam", "adamw"])
+def test_stopped_and_resumed_is_bit_for_bit_as_never_stopped(recipe, tmp_path, optimizer):
+    recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"optimizer": optimizer})})
+    whole = trained(recipe, tmp_path / "whole")
+    run = tmp_path / "stopped"
+    for step in (3, 6):  # killed between a step and its checkpoint, twice
+        with pytest.raises(KeyboardInterrupt):
+            trained(recipe, run, shown=stop_at(step), checkpoint_every=0.0)
+    steps = []
+    resumed = trained(recipe, run, shown=lambda progress: steps.append(progress.step))
+    assert steps == [6, 7, 8]  # the checkpoint is that of step 5
+    assert same(whole, resumed)
+    assert history(run) == history(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_step_and_writes_its_checkpoint(recipe, tmp_path, number):
+    whole = trained(recipe, tmp_path / "whole")
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "stopped", shown=signal_at(3, number))
+    assert signal.getsignal(number) is before
+    steps = []
+    resumed = trained(recipe, tmp_path / "stopped", shown=lambda progress: steps.append(progress.step))
+    assert steps == [4, 5, 6, 7, 8]
+    assert same(whole, resumed)
+
+
+def test_without_a_checkpoint_it_begins_anew_and_so_does_the_history(recipe, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "run", shown=stop_at(2))
+    assert not (tmp_path / "run" / CHECKPOINT).exists()
+    again = trained(recipe, tmp_path / "run")
+    assert same(again, trained(recipe, tmp_path / "whole"))
+    assert history(tmp_path / "run") == history(tmp_path / "whole")
+
+
+def test_a_torn_last_line_of_the_history_is_dropped(recipe, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "run", shown=stop_at(4), checkpoint_every=0.0)
+    with (tmp_path / "run" / HISTORY).open("a") as file:
+        file.write('{"step": 4, "lo')
+    trained(recipe, tmp_path / "run")
+    trained(recipe, tmp_path / "whole")
+    assert history(tmp_path / "run") == history(tmp_path / "whole")
+
+
+def test_a_finished_training_is_not_trained_again(recipe, tmp_path):
+    first = trained(recipe, tmp_path / "run")
+    before = (tmp_path / "run" / HISTORY).read_bytes()
+    steps = []
+    assert same(first, trained(recipe, tmp_path / "run", shown=lambda progress: steps.append(progress.step)))
+    assert steps == []
+    assert (tmp_path / "run" / HISTORY).read_bytes() == before
+
+
+def test_the_history_has_each_step_once_and_ten_validations_at_most(recipe, tmp_path):
+    network = trained(recipe, tmp_path / "run")
+    assert not network.training
+    lines = history(tmp_path / "run")
+    losses, validations = ([line for line in lines if key in line] for key in ("loss", "validation"))
+    assert [line["step"] for line in losses] == list(range(1, STEPS + 1))
+    assert [line["rate"] for line in losses] == [learning_rate(recipe, i // 2) for i in range(STEPS)]
+    assert [line["step"] for line in validations] == [2, 4, 6, 8]
+    assert validations[-1]["validation"]["cd"] == validate(network.eval(), split(2, 2), recipe)
+
+
+def test_training_lowers_the_loss(recipe, tmp_path):
+    longer = recipe.model_copy(update={"train": recipe.train.model_copy(update={"epochs": 25, "decay": 1.0})})
+    trained(longer, tmp_path / "run")
+    values = [line["validation"]["cd"] for line in history(tmp_path / "run") if "validation" in line]
+    assert values[-1] < 0.9 * values[0]
+
+
+@pytest.mark.parametrize(
+    ("epochs", "decay_every", "epoch", "falls"),
+    [(300, None, 29, 0), (300, None, 30, 1), (300, None, 299, 9), (5, None, 3, 3), (300, 50, 149, 2)],
+)
+def test_the_learning_rate_falls_in_steps(recipe, epochs, decay_every, epoch, falls):
+    settings = recipe.train.model_copy(update={"epochs": epochs, "decay_every": decay_every})
+    recipe = recipe.model_copy(update={"train": settings})
+    assert learning_rate(recipe, epoch) == pytest.approx(1e-3 * 0.7**falls)
+
+
+class Infinite(Objective):
+    """Not finite from the third step on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.calls = 0
+
+    def forward(self, prediction, target):
+        self.calls += 1
+        return {"broken": prediction.sum() * (float("nan") if self.calls > 2 else 1)}
+
+
+def test_a_loss_that_is_not_finite_ends_it_and_the_checkpoint_before_stays(recipe, tmp_path):
+    registry = load_plugins()
+    registry.add(Entry("objective", "infinite", Infinite, "test", "0"))
+    objective = recipe.train.objective.model_copy(update={"use": "infinite", "options": {}})
+    broken = recipe.model_copy(update={"train": recipe.train.model_copy(update={"objective": objective})})
+    with pytest.raises(RunError, match=r"the loss is nan at step 3 of 8 .*lower train\.rate"):
+        trained(broken, tmp_path / "run", registry=registry, checkpoint_every=0.0)
+    assert [line["step"] for line in history(tmp_path / "run") if "loss" in line] == [1, 2]
+    steps = []
+    trained(recipe, tmp_path / "run", shown=lambda progress: steps.append(progress.step))
+    assert steps[0] == 3
+
+
+def test_a_batch_that_processes_cannot_share_is_refused(recipe, tmp_path):
+    class Two:
+        world_size = 2
+
+    with pytest.raises(UserError, match=r"train\.batch is 3, which 2 processes cannot share equally"):
+        train(recipe, load_plugins(), split(6, 1), split(2, 2), tmp_path, Two())
