@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.report.results import Results, group_means, scaled
+from pcsr.report.results import Results
+from pcsr.report.scores import group_means, scaled
 
 COLOURS = ["#2a78b8", "#e08a1e", "#2e9e6b", "#b5548f", "#8a6fd1", "#7a7a7a"]
 """One for each method, in the order of the table; each legible on white and on black."""
@@ -37,7 +38,7 @@ def group_chart(results: Results, metric: str) -> dict[str, Any]:
         "height": 110 + (12 * len(results.methods) + 8) * len(means),
         "xaxis": {"title": {"text": title}, "rangemode": "tozero"},
         # Reversed, so that the first method is the upper bar of a pair as it is the first of the legend.
-        "yaxis": {"automargin": True, "type": "category", "autorange": "reversed"},
+        "yaxis": {"type": "category", "autorange": "reversed"},
         "legend": {"traceorder": "normal"},
     }
     return {"data": traces, "layout": layout}

@@ -59,7 +59,8 @@
     view.addEventListener("wheel", () => {
       leader = view;
       // plotly tells of a zoom before the camera has moved, and then not again.
-      [50, 200, 600].forEach((wait) => setTimeout(() => follow(view, view._fullLayout.scene._scene?.getCamera()), wait));
+      const ask = () => follow(view, view._fullLayout.scene._scene?.getCamera());
+      [50, 200, 600].forEach((wait) => setTimeout(ask, wait));
     }, true);
     view.addEventListener("dblclick", () => {
       leader = null;
@@ -110,7 +111,7 @@
       ...copy(layout),
       legend: { ...legend, ...layout.legend },
       xaxis: { ...axis, ...layout.xaxis },
-      yaxis: { ...axis, ...layout.yaxis },
+      yaxis: { ...axis, automargin: true, ...layout.yaxis },
     }, config);
   }
 

@@ -10,7 +10,8 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from pcsr.report.curves import group_chart, training_charts
-from pcsr.report.results import Example, Results, group_means, scaled, scores
+from pcsr.report.results import Example, Results
+from pcsr.report.scores import group_means, scaled, scores
 from pcsr.report.views import COLOURS, views
 
 
@@ -103,7 +104,7 @@ def _groups(results: Results, metric: str) -> str:
         for method in results.methods
     ]
     rows = [
-        [html.escape(g), str(results.groups.count(g)), *(f"{v:.4g}" for name in means for v in means[name][g])]
+        [html.escape(g), str(results.groups.count(g)), *(f"{v:#.4g}" for name in means for v in means[name][g])]
         for g in means[metric]
     ]
     table = _table(["group", "objects", *heads], rows)
@@ -138,9 +139,9 @@ def _training(results: Results, trained_here: bool, charts: dict[str, Any]) -> s
     training = results.training
     facts = [
         *([f"{training.steps} steps"] if training.steps is not None else []),
-        *([f"{training.seconds / 60:.1f} minutes"] if training.seconds is not None else []),
+        *([_duration(training.seconds)] if training.seconds is not None else []),
         *([f"on {training.device}"] if training.device is not None else []),
-        *([f"{training.threads} threads"] if training.threads is not None else []),
+        *([f"threads: {training.threads}"] if training.threads is not None else []),
     ]
     text = f"Weights: {training.source}. Training: {', '.join(facts) or 'nothing is known of it'}."
     if not trained_here:
@@ -151,6 +152,10 @@ def _training(results: Results, trained_here: bool, charts: dict[str, Any]) -> s
     return (
         f'<section id="training"><h2>Training</h2><p>{html.escape(text)}</p><div class="pair">{drawn}</div></section>'
     )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.1f} seconds" if seconds < 100 else f"{seconds / 60:.1f} minutes"
 
 
 def _recipe(results: Results) -> str:

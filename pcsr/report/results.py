@@ -1,11 +1,11 @@
-"""What a run folder holds, read and checked, and the numbers that the page and the screen both show."""
+"""What a run folder holds, read and checked."""
 
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
 
-Cloud = Float[np.ndarray, "n 3"]
+Cloud = Float[np.ndarray, "_ 3"]
 
 
 class Data(BaseModel):
@@ -84,7 +84,7 @@ class Results(BaseModel):
         return self.methods[1].name if len(self.methods) > 1 else None
 
     @model_validator(mode="after")
-    def _one_number_each(self) -> Self:
+    def _one_number_each(self) -> "Results":
         if len(self.groups) != len(self.objects):
             raise ValueError(f"{len(self.objects)} objects but {len(self.groups)} groups")
         for method in self.methods:
@@ -93,23 +93,6 @@ class Results(BaseModel):
                 if found != len(self.objects):
                     raise ValueError(f"'{method.name}' has {found} values of {metric} for {len(self.objects)} objects")
         return self
-
-
-@dataclass(frozen=True)
-class Score:
-    """One cell of the table, times the metric's scale."""
-
-    mean: float
-    deviation: float
-    """Sample standard deviation over the objects; 0 for a single one."""
-    best: bool
-    wins: int | None
-    """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
-    decimals: int
-    """As many as give the smallest mean of the column three significant digits."""
-
-    def __str__(self) -> str:
-        return f"{self.mean:.{self.decimals}f} ± {self.deviation:.{self.decimals}f}"
 
 
 @dataclass(frozen=True)
@@ -203,47 +186,6 @@ def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
         raise UserError(f"{path} lacks {error}; do `pcsr run` again") from error
     except (SafetensorError, OSError, TypeError, ValueError) as error:
         raise UserError(f"{path} is no file of examples: {error}; do `pcsr run` again") from error
-
-
-def scores(results: Results) -> list[dict[str, Score]]:
-    """The cells of the table: for each method, its score in each metric."""
-    rows: list[dict[str, Score]] = [{} for _ in results.methods]
-    for metric, note in results.metrics.items():
-        values = np.array([m.values[metric] for m in results.methods]) * note.scale
-        means = values.mean(1)
-        deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
-        decimals = _decimals(float(means.min()))
-        for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
-            compared = results.baseline not in (None, method.name)
-            row[metric] = Score(
-                float(mean),
-                float(deviation),
-                len(means) > 1 and bool(mean == means.min()),
-                int((own < values[1]).sum()) if compared else None,
-                decimals,
-            )
-    return rows
-
-
-def group_means(results: Results, metric: str) -> dict[str, list[float]]:
-    """The scaled mean of a metric over each group, one for each method; groups in alphabetical order."""
-    groups = np.array(results.groups)
-    values = np.array([m.values[metric] for m in results.methods]) * results.metrics[metric].scale
-    return {str(g): values[:, groups == g].mean(1).tolist() for g in np.unique(groups)}
-
-
-def scaled(metric: str, scale: float) -> str:
-    """The heading of a metric: ``cd ×10³``."""
-    if scale == 1:
-        return metric
-    power = math.log10(scale)
-    if power == int(power):
-        return f"{metric} ×10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
-    return f"{metric} ×{scale:g}"
-
-
-def _decimals(smallest: float) -> int:
-    return max(0, 2 - math.floor(math.log10(smallest))) if smallest > 0 else 3
 
 
 def _text(path: Path) -> str:

@@ -6,7 +6,8 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from pcsr.report.results import parse_results, scaled, scores
+from pcsr.report.results import parse_results
+from pcsr.report.scores import scaled, scores
 
 
 def table(results: dict[str, Any]) -> Table:

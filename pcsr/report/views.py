@@ -27,13 +27,13 @@ def views(example: Example) -> dict[str, Any]:
     errors = {name: distance(cloud, example.truth) * ERROR_SCALE for name, cloud in example.predictions.items()}
     # A single stray point would otherwise make all others look perfect.
     limit = float(np.percentile(np.concatenate(list(errors.values())), 99)) or 1.0
-    shown = [_view(f"input, {len(example.input)} points", _plain(example.input, "input", 3))]
+    shown = [_view(f"input, {len(example.input)} points", _plain(example.input, "input", 3.0))]
     if example.touches is not None:
         shown.append(
             _view(
                 f"touches, {len(example.touches)} points",
                 _plain(example.input, "quiet", 2.5),
-                _plain(example.touches, "touch", 2),
+                _plain(example.touches, "touch", 2.0),
             )
         )
     for name, cloud in example.predictions.items():
@@ -43,7 +43,7 @@ def views(example: Example) -> dict[str, Any]:
     return {"name": example.name, "limit": limit, "range": _cube(example), "views": shown}
 
 
-def distance(prediction: Cloud, truth: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, " n"]:
+def distance(prediction: Float[np.ndarray, "n 3"], truth: Cloud) -> Float[np.ndarray, " n"]:
     """Distance of each predicted point to the nearest truth point."""
     return np.asarray(cKDTree(truth.astype(np.float64)).query(prediction.astype(np.float64), workers=1)[0])
 
@@ -57,7 +57,7 @@ def _plain(cloud: Cloud, colour: str, size: float) -> dict[str, Any]:
     return {**_points(cloud), "marker": {"size": size, "color": colour}, "hoverinfo": "skip"}
 
 
-def _coloured(cloud: Cloud, errors: Float[np.ndarray, " n"], limit: float) -> dict[str, Any]:
+def _coloured(cloud: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, " n"], limit: float) -> dict[str, Any]:
     return {
         **_points(cloud),
         "marker": {

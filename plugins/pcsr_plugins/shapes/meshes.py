@@ -25,7 +25,7 @@ class Meshes(Shapes):
         """Look at nothing but whether the folder is there.
 
         Args:
-            folder: where the files are. Their unit is taken to be that of the touch source (`digit`: mm).
+            folder: where the files are.
             validation: the share of groups that validate, 0 to 1.
             test: the share of groups that test, 0 to 1.
             seed: another seed, another split.

@@ -25,7 +25,7 @@ from pcsr_plugins.shapes.families.solids import (
 
 def plate(draw: Draw) -> Manifold:
     """A mounting plate: corner holes, perhaps a window, a boss or stiffening ribs."""
-    a, b, t = draw(50, 100), draw(30, 70), draw(3, 9)
+    a, b, t = draw(50, 100), draw(30, 70), draw(1, 8)
     body = chamfered(rectangle(a, b, draw(2, 10)), t, draw(0.3, 1.2))
     r, inset = draw(1.8, 4), draw(6, 9)
     corners = [(x, y) for x in (-a / 2 + inset, a / 2 - inset) for y in (-b / 2 + inset, b / 2 - inset)]
@@ -153,7 +153,7 @@ def buckle(draw: Draw) -> Manifold:
 
 def gasket(draw: Draw) -> Manifold:
     """A cylinder-head gasket: a thin outline with several bores, bolt holes and ears."""
-    count, bore, t = draw.whole(1, 3), draw(10, 20), draw(1.5, 4)
+    count, bore, t = draw.whole(1, 3), draw(10, 20), draw(0.4, 3)
     pitch = 2 * bore + draw(5, 10)
     length = pitch * count + draw(6, 14)
     width = 2 * bore + draw(14, 26)
@@ -176,7 +176,7 @@ def gasket(draw: Draw) -> Manifold:
 
 def sheet_bracket(draw: Draw) -> Manifold:
     """Thin sheet bent into two to four flanges around a floor, punched in rows, its corners cut off."""
-    a, b, t = draw(30, 70), draw(25, 55), draw(0.8, 2)
+    a, b, t = draw(30, 70), draw(25, 55), draw(0.5, 1.8)
     body = extrude(rectangle(a, b, draw(1, 3)), t)
     pitch, r = draw(7, 12), draw(1, 2.4)
     sides = draw.one_of([(0, 90), (0, 180), (0, 90, 180), (0, 90, 180, 270), (0,)])

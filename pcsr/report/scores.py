@@ -1,0 +1,66 @@
+"""The numbers that the page and the screen both show."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pcsr.report.results import Results
+
+
+@dataclass(frozen=True)
+class Score:
+    """One cell of the table, times the metric's scale."""
+
+    mean: float
+    deviation: float
+    """Sample standard deviation over the objects; 0 for a single one."""
+    best: bool
+    wins: int | None
+    """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
+    decimals: int
+    """As many as give the smallest mean of the column three significant digits."""
+
+    def __str__(self) -> str:
+        return f"{self.mean:.{self.decimals}f} ± {self.deviation:.{self.decimals}f}"
+
+
+def scores(results: Results) -> list[dict[str, Score]]:
+    """The cells of the table: for each method, its score in each metric."""
+    rows: list[dict[str, Score]] = [{} for _ in results.methods]
+    for metric, note in results.metrics.items():
+        values = np.array([m.values[metric] for m in results.methods]) * note.scale
+        means = values.mean(1)
+        deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
+        decimals = _decimals(float(means.min()))
+        for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
+            compared = results.baseline not in (None, method.name)
+            row[metric] = Score(
+                float(mean),
+                float(deviation),
+                len(means) > 1 and bool(mean == means.min()),
+                int((own < values[1]).sum()) if compared else None,
+                decimals,
+            )
+    return rows
+
+
+def group_means(results: Results, metric: str) -> dict[str, list[float]]:
+    """The scaled mean of a metric over each group, one for each method; groups in alphabetical order."""
+    groups = np.array(results.groups)
+    values = np.array([m.values[metric] for m in results.methods]) * results.metrics[metric].scale
+    return {str(g): values[:, groups == g].mean(1).tolist() for g in np.unique(groups)}
+
+
+def scaled(metric: str, scale: float) -> str:
+    """The heading of a metric: ``cd ×10³``."""
+    if scale == 1:
+        return metric
+    power = math.log10(scale)
+    if power == int(power):
+        return f"{metric} ×10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return f"{metric} ×{scale:g}"
+
+
+def _decimals(smallest: float) -> int:
+    return max(0, 2 - math.floor(math.log10(smallest))) if smallest > 0 else 3

@@ -1,0 +1,67 @@
+import statistics
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr.report.results import parse_results
+from pcsr.report.scores import group_means, scaled, scores
+
+
+def test_scores_are_what_the_statistics_module_says(results):
+    rows = scores(parse_results(results))
+    baseline = results["methods"][1]["values"]
+    for method, row in zip(results["methods"], rows, strict=True):
+        for metric, values in method["values"].items():
+            score = row[metric]
+            assert score.mean == pytest.approx(1000 * statistics.mean(values))
+            assert score.deviation == pytest.approx(1000 * statistics.stdev(values))
+            wins = sum(ours < theirs for ours, theirs in zip(values, baseline[metric], strict=True))
+            assert score.wins == (None if method["name"] == "midpoint" else wins)
+
+
+def test_one_best_a_column_and_it_is_the_smallest_mean(results):
+    rows = scores(parse_results(results))
+    for metric in results["metrics"]:
+        means = [statistics.mean(m["values"][metric]) for m in results["methods"]]
+        assert [row[metric].best for row in rows] == [mean == min(means) for mean in means]
+
+
+def test_an_equal_value_is_no_win(results):
+    results["methods"][0]["values"] = results["methods"][1]["values"]
+    assert scores(parse_results(results))[0]["cd"].wins == 0
+
+
+def test_a_single_object_has_no_spread_and_a_single_method_no_rival(results):
+    results["objects"], results["groups"] = ["test/gear/0000"], ["gear"]
+    results["methods"] = [{**results["methods"][0], "values": {"cd": [0.5], "hd": [0.25]}}]
+    (row,) = scores(parse_results(results))
+    assert (row["cd"].deviation, row["cd"].best, row["cd"].wins) == (0.0, False, None)
+    assert str(row["cd"]) == "500 ± 0"
+
+
+@given(st.floats(1e-6, 1e3))
+def test_a_cell_shows_three_significant_digits(value):
+    data = {"shapes": "s", "split": "test", "points": 1, "truth": 1, "rate": 1, "touches": 0, "sampling": ""}
+    about = {"name": "n", "fingerprint": "f", "seed": 0, "version": "0", "recipe": {}, "created": ""}
+    one = {"objects": ["o"], "groups": ["g"], "metrics": {"cd": {"description": "", "scale": 1}}}
+    method = {"name": "m", "parameters": 0, "seconds": 0, "values": {"cd": [value]}}
+    results = parse_results({**about, **one, "data": {**data, "normalisation": ""}, "methods": [method]})
+    shown = float(str(scores(results)[0]["cd"]).split(" ± ")[0])
+    assert shown == pytest.approx(value, rel=0.0051)
+
+
+def test_group_means_are_the_plain_means(results):
+    means = group_means(parse_results(results), "cd")
+    assert list(means) == sorted(set(results["groups"]))
+    for group, values in means.items():
+        for method, value in zip(results["methods"], values, strict=True):
+            own = [v for v, g in zip(method["values"]["cd"], results["groups"], strict=True) if g == group]
+            assert value == pytest.approx(1000 * statistics.mean(own))
+
+
+@pytest.mark.parametrize(
+    ("scale", "shown"), [(1000.0, "cd ×10³"), (1.0, "cd"), (1e12, "cd ×10¹²"), (0.01, "cd ×10⁻²"), (50.0, "cd ×50")]
+)
+def test_a_heading_says_its_scale(scale, shown):
+    assert scaled("cd", scale) == shown

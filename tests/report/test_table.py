@@ -1,0 +1,46 @@
+import io
+import statistics
+
+import pytest
+from rich.console import Console
+
+from pcsr.errors import UserError
+from pcsr.report import table
+
+
+def printed(results):
+    console = Console(file=io.StringIO(), width=160)
+    console.print(table(results))
+    return console.file.getvalue()
+
+
+def test_the_screen_shows_the_numbers(results):
+    text = printed(results)
+    for metric in results["metrics"]:
+        assert f"{metric} ×10³" in text
+    for method in results["methods"]:
+        line = next(line for line in text.splitlines() if line.strip().startswith(method["name"]) and "±" in line)
+        for values, decimals in ((method["values"]["cd"], 3), (method["values"]["hd"], 1)):
+            mean, spread = 1000 * statistics.mean(values), 1000 * statistics.stdev(values)
+            assert f"{mean:.{decimals}f} ± {spread:.{decimals}f}" in line
+        assert f"{method['parameters']:,}" in line
+    wins = sum(a < b for a, b in zip(*(m["values"]["cd"] for m in results["methods"][:2]), strict=True))
+    assert f"{wins}/6 wins" in text
+    assert "better than midpoint" in text
+
+
+def test_only_the_best_is_bold(results):
+    cells = list(table(results).columns[1].cells)
+    means = [statistics.mean(method["values"]["cd"]) for method in results["methods"]]
+    assert [cell.startswith("[bold]") for cell in cells] == [mean == min(means) for mean in means]
+
+
+def test_names_are_no_markup(results):
+    results["methods"][2]["name"] = "[red]odd[/red]"
+    assert "[red]odd[/red]" in printed(results)
+
+
+def test_malformed_results_are_named(results):
+    del results["methods"][0]["seconds"]
+    with pytest.raises(UserError, match=r"the results: methods\.0\.seconds"):
+        table(results)
