@@ -38,7 +38,9 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     """
     tensors, card = _read(path)
     if "recipe" not in card:
-        raise UserError(f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file")
+        raise UserError(
+            f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
+        )
     recipe = from_resolved(card["recipe"], registry)
     network = build(recipe, registry)
     fill(network, tensors, path)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from lightning_fabric import Fabric
+from safetensors.torch import load_file
 
 from pcsr import UserError
 from pcsr.checkpoint import load_weights, read_card, save_weights
@@ -120,7 +121,7 @@ def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
 @pytest.mark.parametrize("name", [path.stem for path in (ROOT / "pcsr/weights").glob("*.safetensors")])
 def test_shipped_weights_are_those_of_their_recipe(name, registry):
     path = ROOT / f"pcsr/weights/{name}.safetensors"
-    network, recipe, card = load_weights(path, registry)
+    _, recipe, card = load_weights(path, registry)
     assert card["fingerprint"] == load(ROOT / f"recipes/{name}.yaml", registry)[0].fingerprint == recipe.fingerprint
     assert path.stat().st_size < 8e6
 
@@ -156,3 +157,22 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     assert "midpoint" in done.stdout
     (folder,) = (tmp_path / "r").glob("smoke-*")
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
+
+
+def test_two_processes_train_the_weights_of_one(tmp_path):
+    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
+    pcsr = str(Path(sys.executable).with_name("pcsr"))
+    arguments = [pcsr, "run", str(ROOT / "recipes/smoke.yaml"), "--device", "cpu"]
+    arguments += [word for setting in [*TINY[:4], "train.batch=4", *small] for word in ("--set", setting)]
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    trained = []
+    for head, tail in (([], []), (torchrun, ["--devices", "2"])):
+        runs = tmp_path / str(len(tail))
+        done = subprocess.run(
+            [*head, *arguments, *tail, "--runs", str(runs)], capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, done.stderr
+        (path,) = runs.glob("smoke-*/weights.safetensors")
+        trained.append(load_file(path))
+    one, two = trained
+    assert all(torch.allclose(one[name], two[name], atol=1e-4) for name in one)

@@ -54,11 +54,11 @@ def _name(distribution: Distribution) -> str:
 class Commands(click.Group):
     """The group of all commands; the shell around them that turns errors into one line and an exit code."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+    def list_commands(self, ctx: click.Context) -> list[str]:
         """Ours in the order of their table, then everyone else's."""
         return [*COMMANDS, *sorted(foreign_commands().keys() - COMMANDS.keys())]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import one command.
 
         Raises:

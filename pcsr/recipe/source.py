@@ -126,7 +126,7 @@ class _Constructor(RoundTripConstructor):
         super().__init__(*args, **kwargs)
         self.twice: list[tuple[Any, Any]] = []
 
-    def check_mapping_key(self, node: Any, key_node: Any, mapping: Any, key: Any, value: Any) -> bool:  # noqa: ARG002 - ruamel's signature
+    def check_mapping_key(self, node: Any, key_node: Any, mapping: Any, key: Any, value: Any) -> bool:
         """Whether the key is the first of its name; only then its value is taken."""
         if key in mapping:
             self.twice.append((key, key_node.start_mark))

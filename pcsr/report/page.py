@@ -82,7 +82,8 @@ def _metrics(results: Results) -> str:
         for score in row.values():
             mark = f'<strong title="best">{score}</strong>' if score.best else str(score)
             wins = f"<small>{score.wins}/{count} wins</small>" if score.wins is not None else ""
-            cells.append(mark + wins)
+            change = f"<br>{score.change:+.1%} " if score.change is not None else ""
+            cells.append(mark + change + wins)
         rows.append([*cells, f"{method.parameters:,}", f"{method.seconds:.3g}"])
     terms = {name: note.description for name, note in results.metrics.items()}
     terms["seconds"] = "mean wall time for one cloud"

@@ -18,6 +18,8 @@ class Score:
     best: bool
     wins: int | None
     """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
+    change: float | None
+    """The mean beside the baseline's, as a share of it: -0.2 is a fifth lower. None as for `wins`."""
     decimals: int
     """As many as give the smallest mean of the column three significant digits."""
 
@@ -40,6 +42,7 @@ def scores(results: Results) -> list[dict[str, Score]]:
                 float(deviation),
                 len(means) > 1 and bool(mean == means.min()),
                 int((own < values[1]).sum()) if compared else None,
+                float(mean / means[1] - 1) if compared and means[1] > 0 else None,
                 decimals,
             )
     return rows

@@ -6,7 +6,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from pcsr.report.results import parse_results
+from pcsr.report.results import Results, parse_results
 from pcsr.report.scores import scaled, scores
 
 
@@ -21,9 +21,9 @@ def table(results: dict[str, Any]) -> Table:
     """
     checked = parse_results(results)
     count = len(checked.objects)
-    caption = f"mean ± standard deviation over {count} objects of {checked.data.shapes}; lower is better"
+    caption = protocol(checked)
     if checked.baseline is not None:
-        caption += f"; wins: objects on which the method is better than {checked.baseline}"
+        caption += f" In per cent: how far the mean is from the baseline's; wins: objects on which it is better than {checked.baseline}."
     shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
     for metric, note in checked.metrics.items():
@@ -34,6 +34,20 @@ def table(results: dict[str, Any]) -> Table:
         cells = []
         for score in row.values():
             cell = f"[bold]{score}[/bold]" if score.best else str(score)
-            cells.append(cell if score.wins is None else f"{cell}\n{score.wins}/{count} wins")
+            change = f"\n{score.change:+.1%}" if score.change is not None else ""
+            cells.append(cell if score.wins is None else f"{cell}{change}\n{score.wins}/{count} wins")
         shown.add_row(escape(method.name), *cells, f"{method.parameters:,}", f"{method.seconds:.3g}")
     return shown
+
+
+def protocol(results: Results) -> str:
+    """Data, protocol, metrics' conventions, spread and seed in words."""
+    data = results.data
+    size = f" of {data.object_size:g} mm" if data.object_size else ""
+    covered = f" on {data.coverage:.1%} of the surface" if data.touches and data.coverage is not None else ""
+    conventions = "; ".join(f"{name}: {note.description}" for name, note in results.metrics.items())
+    return (
+        f"{len(results.objects)} objects{size}, {data.split} split of {data.shapes}; {data.points} points "
+        f"({data.sampling}) and {data.touches} touches{covered} to {data.truth} points; seed {results.seed}. "
+        f"{conventions}. Mean ± standard deviation over objects; lower is better."
+    )

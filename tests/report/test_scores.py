@@ -65,3 +65,9 @@ def test_group_means_are_the_plain_means(results):
 )
 def test_a_heading_says_its_scale(scale, shown):
     assert scaled("cd", scale) == shown
+
+
+def test_the_change_is_the_mean_beside_the_baselines(results):
+    row = scores(parse_results(results))[0]["cd"]
+    ours, theirs = (sum(m["values"]["cd"]) for m in results["methods"][:2])
+    assert row.change == pytest.approx(ours / theirs - 1)

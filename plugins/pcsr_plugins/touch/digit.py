@@ -103,7 +103,7 @@ class Digit(TouchSource):
         """How far the gel's face falls behind its centre, in mm."""
         self.rim = _rim(width, height)
 
-    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:  # noqa: ARG002
+    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
 
         Raises:
