@@ -79,7 +79,7 @@ def _import_file(file: Path) -> ModuleType:
 def why(registry: Registry, name: str) -> str:
     """Why a part or plugin is or isn't there, as `pcsr plugins --why NAME` prints it."""
     lines = [
-        f"{e.kind} '{e.name}' comes from {e.owner} {e.version} ({e.target if isinstance(e.target, str) else e.target.__name__})"
+        f"{e.kind} '{e.name}' comes from {e.owner} {e.version} ({_where(e.target)})"
         for e in registry
         if name in (e.name, e.owner)
     ]
@@ -94,6 +94,10 @@ def why(registry: Registry, name: str) -> str:
         if not isinstance(failure.error, PcsrError):
             lines.append(_place(failure.error))
     return "\n".join(lines)
+
+
+def _where(target: type | str) -> str:
+    return target if isinstance(target, str) else f"{target.__module__}:{target.__qualname__}"
 
 
 def _place(error: Exception) -> str:
