@@ -97,7 +97,7 @@ def why(registry: Registry, name: str) -> str:
 
 
 def _where(target: type | str) -> str:
-    return target if isinstance(target, str) else f"{target.__module__}:{target.__qualname__}"
+    return target if isinstance(target, str) else target.__name__
 
 
 def _place(error: Exception) -> str:

@@ -23,7 +23,7 @@ def table(results: dict[str, Any]) -> Table:
     count = len(checked.objects)
     caption = protocol(checked)
     if checked.baseline is not None:
-        caption += f" In per cent: how far the mean is from the baseline's; "
+        caption += " In per cent: how far the mean is from the baseline's; "
         caption += f"wins: objects on which it is better than {checked.baseline}."
     shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
