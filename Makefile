@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check bench clean
+.PHONY: run test check clean
 
 run: .venv/.installed
 	$(BIN)/pcsr run recipes/tapsr.yaml
@@ -14,9 +14,6 @@ check: .venv/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-
-bench: .venv/.installed
-	$(BIN)/python -m pytest benchmarks $(ARGS)
 
 # pip 25.1 is the first that reads [dependency-groups].
 .venv/.installed: pyproject.toml constraints.txt
