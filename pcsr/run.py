@@ -18,13 +18,14 @@ from pcsr import report, weights
 from pcsr.checkpoint import load_weights, read_card, save_weights
 from pcsr.data.build import load_or_build
 from pcsr.data.dataset import Split
+from pcsr.errors import UserError
 from pcsr.evaluate import Scores, evaluate, methods
 from pcsr.files import save_tensors, write_text
 from pcsr.metrics import METRICS
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.train import train
+from pcsr.train import CHECKPOINT, HISTORY, train
 
 WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
@@ -62,7 +63,9 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
         network, source = _trained(recipe, registry, place, fabric, folder, progress)
         if not fabric.is_global_zero:
             return {}
-        test = _first(_data(recipe, registry, "test", place, progress), recipe.evaluate.objects)
+        test = _data(recipe, registry, "test", place, progress)
+        if recipe.evaluate.objects is not None:
+            test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
@@ -85,15 +88,12 @@ def _trained(
         if path.exists() and read_card(path)["fingerprint"] == recipe.fingerprint:
             network, _, card = load_weights(path, registry)
             return network, {**card["training"], "source": source}
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
-    # One process builds the data, the others wait and read it.
-    if fabric.is_global_zero:
-        _data(recipe, registry, "train", place, progress)
-        _data(recipe, registry, "validation", place, progress)
-    fabric.barrier()
-    data = _data(recipe, registry, "train", place, progress)
-    validation = _data(recipe, registry, "validation", place, progress)
+    # One process writes the recipe and builds the data, the others wait and read it.
+    with fabric.rank_zero_first():
+        if fabric.is_global_zero:
+            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
+        data = _data(recipe, registry, "train", place, progress)
+        validation = _data(recipe, registry, "validation", place, progress)
     task = progress.add_task("training", total=None)
     network = train(
         recipe,
@@ -117,13 +117,13 @@ def _trained(
             "training": training,
         }
         save_weights(folder / WEIGHTS, network, card)
-        (folder / "checkpoint.safetensors").unlink()
+        (folder / CHECKPOINT).unlink()
     return network, {**training, "source": "trained by this run"}
 
 
 def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
     """What the history says of a finished training."""
-    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text(encoding="utf-8").splitlines()]
+    lines = [json.loads(line) for line in (folder / HISTORY).read_text(encoding="utf-8").splitlines()]
     steps = [line for line in lines if "loss" in line]
     checks = [line["validation"] for line in lines if "validation" in line]
     return {
@@ -137,10 +137,6 @@ def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
 
 def _data(recipe: Recipe, registry: Registry, split: str, place: Place, progress: Progress) -> Split:
     return load_or_build(recipe, registry, split, place.runs / "data", jobs=place.jobs, progress=progress)
-
-
-def _first(split: Split, count: int | None) -> Split:
-    return split if count is None else split.spread(count)
 
 
 def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
@@ -202,8 +198,10 @@ def _save_examples(path: Path, recipe: Recipe, split: Split, scores: Sequence[Sc
 
 def _fabric(recipe: Recipe, place: Place) -> Fabric:
     many = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
+    if place.device == "cuda" and not torch.cuda.is_available():
+        raise UserError("--device cuda: torch finds no CUDA device here; use --device cpu, or install torch for CUDA")
     fabric = Fabric(
-        accelerator="cuda" if place.device.startswith("cuda") else place.device if place.device != "auto" else "auto",
+        accelerator="cuda" if place.device != "cpu" and torch.cuda.is_available() else "cpu",
         devices=place.devices,
         num_nodes=place.nodes,
         # A batch without touches leaves the fusion's weights without a gradient.

@@ -19,7 +19,13 @@ from pcsr.cli.options import plugin_option, set_option
     show_default=True,
     help="Where run folders go.",
 )
-@click.option("--device", default="auto", show_default=True, help="auto, cpu or cuda.")
+@click.option(
+    "--device",
+    type=click.Choice(["auto", "cpu", "cuda"]),
+    default="auto",
+    show_default=True,
+    help="Where to compute; auto is cuda where there is one.",
+)
 @click.option(
     "--devices",
     type=click.IntRange(1),
