@@ -101,5 +101,6 @@ def _read(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], dict[
             return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
     except (SafetensorError, KeyError, ValueError) as error:
         raise UserError(
-            f"{path} is not a weights file of pcsr ({type(error).__name__}: {error}): delete it, and `pcsr run` trains it again"
+            f"{path} is not a weights file of pcsr ({type(error).__name__}: {error}): "
+            f"delete it, and `pcsr run` trains it again"
         ) from error
