@@ -11,6 +11,7 @@ The constructor of a network part takes the `Widths` that the host hands in, the
 keyword-only, typed, defaulted. The recipe's schema is read off that signature.
 """
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -22,6 +23,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pcsr.clouds.touch import Touch
+from pcsr.errors import UserError
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
 
 
@@ -83,6 +85,10 @@ class Part:
 
     traits: frozenset[Trait] = frozenset()
     """What the part claims; an instance may claim less than its class."""
+    version: ClassVar[int] = 1
+    """Raise it when the same options come to give something else: data and weights made before are then stale."""
+    places: ClassVar[frozenset[str]] = frozenset()
+    """Options that say where files lie, not what is in them: data sets are the same wherever they are built."""
 
 
 class Encoder(nn.Module, Part):
@@ -169,6 +175,19 @@ class Shapes(Part):
         """
         raise NotImplementedError
 
+    def digest(self, name: str) -> str:
+        """What decides the object `name`, as a hash or a name; the same wherever its files lie.
+
+        By default the mesh itself, or the reason why there is none. Override it where something is known that
+        costs less than loading each object.
+        """
+        try:
+            mesh = self.item(name).mesh
+        except UserError as error:
+            return f"refused: {error}"
+        arrays = (np.ascontiguousarray(mesh.vertices, np.float64), np.ascontiguousarray(mesh.faces, np.int64))
+        return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+
 
 class TouchSource(Part):
     """Gives the touches of an object, simulated or recorded."""
@@ -182,3 +201,10 @@ class TouchSource(Part):
             UserError: the object cannot be touched that often; the message says which and why.
         """
         raise NotImplementedError
+
+    def digest(self, name: str) -> str:
+        """What decides the touches of the object `name` besides the options: a hash of its recording, say.
+
+        Nothing does, by default: a simulation follows from its options and the seed.
+        """
+        return ""

@@ -84,16 +84,17 @@ def evaluate(
     for method in compared:
         clouds: list[Cloud] = []
         seconds: list[float] = []
-        for points, touches in zip(split.points.numpy(), split.touches.numpy(), strict=True):
+        for cloud, felt in zip(split.points, split.touches, strict=True):
+            points, touches = cloud.numpy(), felt.numpy()
             start = time.perf_counter()
             clouds.append(method.upsample(points, list(touches[:count])))
             seconds.append(time.perf_counter() - start)
             advance()
         timed.append((np.stack(clouds), float(np.mean(seconds))))
     tasks = [
-        _Task(recipe.evaluate.metrics, cloud, truth, mesh)
+        _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
         for dense, _ in timed
-        for cloud, truth, mesh in zip(dense, split.truth.numpy(), _meshes(recipe, registry, split), strict=True)
+        for cloud, truth, mesh in zip(dense, split.truth, _meshes(recipe, registry, split), strict=True)
     ]
     measured = _measured(tasks, jobs or os.cpu_count() or 1, advance)
     scores = []

@@ -8,9 +8,10 @@ import importlib.util
 import sys
 from collections.abc import Callable, Iterable
 from functools import partial
-from importlib.metadata import Distribution, distributions
+from importlib.metadata import distributions
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pluggy
 
@@ -40,7 +41,8 @@ def load_plugins(files: Iterable[Path] = ()) -> Registry:
     return registry
 
 
-def _name(distribution: Distribution) -> str:
+def _name(distribution: Any) -> str:
+    # Not `Distribution`: where the backport importlib_metadata was imported, it gives those of its own class.
     return str(distribution.metadata["Name"])
 
 

@@ -3,7 +3,7 @@
 import datetime
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,18 +11,22 @@ from typing import Any
 import torch
 from lightning_fabric import Fabric
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 import pcsr
 from pcsr import report, weights
 from pcsr.checkpoint import load_weights, read_card, save_weights
 from pcsr.data.build import load_or_build
 from pcsr.data.dataset import Split
+from pcsr.data.plan import Plan
+from pcsr.data.shards import read_manifest
+from pcsr.data.workers import crew
 from pcsr.errors import UserError
 from pcsr.evaluate import Scores, evaluate, methods
 from pcsr.files import save_tensors, write_text
 from pcsr.metrics import METRICS
 from pcsr.model import Network
+from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.train import CHECKPOINT, HISTORY, train
@@ -42,6 +46,8 @@ class Place:
     nodes: int = 1
     jobs: int | None = None
     """Processes for data and metrics; all cores by default."""
+    data: Path | None = None
+    """A folder of data that is built already; the recipe must be on it, as `pcsr.data.plan.on_data` makes it."""
 
 
 def run_folder(recipe: Recipe, place: Place) -> Path:
@@ -59,11 +65,12 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     """
     folder = run_folder(recipe, place)
     fabric = _fabric(recipe, place)
-    with _progress(console, hidden=not fabric.is_global_zero) as progress:
-        network, source = _trained(recipe, registry, place, fabric, folder, progress)
+    fingerprint, data = _data(recipe, registry, place)
+    with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
+        network, source = _trained(recipe, registry, fingerprint, data, fabric, folder, progress)
         if not fabric.is_global_zero:
             return {}
-        test = _data(recipe, registry, "test", place, progress)
+        test = data("test", progress)
         if recipe.evaluate.objects is not None:
             test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
@@ -78,27 +85,32 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
 
 
 def _trained(
-    recipe: Recipe, registry: Registry, place: Place, fabric: Fabric, folder: Path, progress: Progress
+    recipe: Recipe,
+    registry: Registry,
+    fingerprint: str,
+    data: "Data",
+    fabric: Fabric,
+    folder: Path,
+    progress: Progress,
 ) -> tuple[Network, dict[str, Any]]:
     """The recipe's network with finished weights, and where they came from."""
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
         (weights.shipped(recipe.name), "shipped weights"),
     ):
-        if path.exists() and read_card(path)["fingerprint"] == recipe.fingerprint:
+        if path.exists() and _is_of(read_card(path), recipe, fingerprint):
             network, _, card = load_weights(path, registry)
             return network, {**card["training"], "source": source}
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
         if fabric.is_global_zero:
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
-        data = _data(recipe, registry, "train", place, progress)
-        validation = _data(recipe, registry, "validation", place, progress)
+        train_data, validation = data("train", progress), data("validation", progress)
     task = progress.add_task("training", total=None)
     network = train(
         recipe,
         registry,
-        data,
+        train_data,
         validation,
         folder,
         fabric,
@@ -111,7 +123,7 @@ def _trained(
         card = {
             "name": recipe.name,
             "fingerprint": recipe.fingerprint,
-            "data_fingerprint": recipe.data_fingerprint,
+            "data_fingerprint": fingerprint,
             "recipe": recipe.resolved(),
             "version": pcsr.__version__,
             "training": training,
@@ -135,8 +147,30 @@ def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
     }
 
 
-def _data(recipe: Recipe, registry: Registry, split: str, place: Place, progress: Progress) -> Split:
-    return load_or_build(recipe, registry, split, place.runs / "data", jobs=place.jobs, progress=progress)
+def _is_of(card: dict[str, Any], recipe: Recipe, data: str) -> bool:
+    """Whether weights are of exactly this recipe and exactly this data."""
+    return bool(card["fingerprint"] == recipe.fingerprint and card["data_fingerprint"] == data)
+
+
+Data = Callable[[str, Progress], Split]
+"""Gives a split of the data, which it builds first where it isn't there yet."""
+
+
+def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
+    """The fingerprint of a recipe's data, and the way to it."""
+    built = place.data
+    if built is not None:
+        return read_manifest(built)["fingerprint"], lambda split, progress: Split.load(built, split)
+    plan = Plan.of(recipe, registry)
+
+    def load(split: str, progress: Progress) -> Split:
+        names = plan.split(split)
+        task = progress.add_task(f"building the {split} data", total=len(names))
+        folder = place.runs / "data" / plan.fingerprint[:12]
+        with crew(place.jobs) as workers:
+            return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))
+
+    return plan.fingerprint, load
 
 
 def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
@@ -159,7 +193,7 @@ def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
             "object_size": data.touch.options.get("object_size"),
             "coverage": split.coverage(data.touches),
             "left_out": len(split.about["rejected"]),
-            "fingerprint": recipe.data_fingerprint,
+            "fingerprint": split.about["fingerprint"],
         },
         "metrics": {
             name: {"description": METRICS[name].description, "scale": METRICS[name].scale}
@@ -210,15 +244,3 @@ def _fabric(recipe: Recipe, place: Place) -> Fabric:
     )
     fabric.launch()
     return fabric
-
-
-def _progress(console: Console, hidden: bool) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=hidden,
-        transient=True,
-    )

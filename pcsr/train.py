@@ -94,7 +94,9 @@ def train(
             f"train.batch is {settings.batch}, which {fabric.world_size} processes cannot share equally: "
             f"make it a multiple of {fabric.world_size}"
         )
-    batches = Batches(data, min(settings.batch, len(data)), recipe.touch_range, settings.augment, recipe.seed)
+    # Drawn anew, a cloud that was seen from one side or spaced out would no longer be one.
+    augment = [name for name in settings.augment if name != "redraw" or recipe.data.sampling == "random"]
+    batches = Batches(data, min(settings.batch, len(data)), recipe.touch_range, augment, recipe.seed)
     network = build(recipe, registry)
     model = _Training(network, settings.objective.build(registry, "objective"))
     optimizer = _optimizer(recipe, model)

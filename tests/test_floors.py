@@ -21,6 +21,7 @@ FLOORS = {
     "pcsr.testing": 3,
     "pcsr.weights": 3,
     "pcsr.recipe": 2,
+    "pcsr.recorded": 2,
     "pcsr.registry": 1,
     "pcsr.plugins": 1,
     "pcsr.hookspecs": 1,
@@ -30,6 +31,7 @@ FLOORS = {
     "pcsr.geometry": 0,
     "pcsr.tensors": 0,
     "pcsr.files": 0,
+    "pcsr.progress": 0,
     "pcsr.errors": 0,
 }
 SAME_FLOOR = {
@@ -48,7 +50,7 @@ SAME_FLOOR = {
     ("pcsr.run", "pcsr.report"),
     ("pcsr.testing", "pcsr.model"),
 }
-PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts")
+PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts", "pcsr.recorded")
 """What a plugin may import besides the names of `pcsr` itself."""
 
 

@@ -42,7 +42,7 @@ def split():
     names = [str(i) for i in range(8)]
     felt = truth[:, :60].reshape(8, 2, 30, 3)
     spheres = [UnitSphere.fit(cloud.numpy()) for cloud in truth]
-    return Split(names, names, truth, truth[:, 100:164], felt, spheres, {"rejected": {}})
+    return Split(names, names, list(truth), list(truth[:, 100:164]), list(felt), spheres, [(0.1, 0.2)] * 8, {"rejected": {}})
 
 
 def weights(network):
@@ -72,7 +72,7 @@ def test_stopping_and_going_on_gives_the_weights_of_not_stopping(recipe, registr
 
 def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, registry, split):
     network = build(recipe, registry).eval()
-    points, felt = split.points[:2], split.touches[:2]
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
     plain = network(points, 4)
     absent = torch.zeros(2, 2, dtype=torch.bool)
     assert torch.equal(network(points, 4, felt, absent), plain)

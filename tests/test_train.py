@@ -51,10 +51,11 @@ def split(count: int, seed: int) -> Split:
     return Split(
         names=[f"object {i}" for i in range(count)],
         groups=["all"] * count,
-        truth=truth,
-        points=truth[:, ::4].clone(),
-        touches=truth[:, :32].reshape(count, 2, 16, 3).clone(),
+        truth=list(truth),
+        points=list(truth[:, ::4].clone()),
+        touches=list(truth[:, :32].reshape(count, 2, 16, 3).clone()),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
+        felt=[(0.1, 0.2)] * count,
         about={},
     )
 

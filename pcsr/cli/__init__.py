@@ -4,7 +4,7 @@ import errno
 import importlib
 import traceback
 from collections.abc import Sequence
-from importlib.metadata import Distribution, EntryPoint, distributions
+from importlib.metadata import distributions
 from typing import Any, NamedTuple
 
 import click
@@ -25,6 +25,8 @@ class BuiltIn(NamedTuple):
 
 COMMANDS = {
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
+    "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),
+    "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."),
 }
@@ -34,7 +36,8 @@ class Foreign(NamedTuple):
     """A command that an installed distribution announces. Reading this much of it imports nothing."""
 
     owner: str
-    point: EntryPoint
+    point: Any
+    """An `importlib.metadata.EntryPoint`, or the like of the backport."""
 
 
 def foreign_commands() -> dict[str, list[Foreign]]:
@@ -47,7 +50,8 @@ def foreign_commands() -> dict[str, list[Foreign]]:
     return found
 
 
-def _name(distribution: Distribution) -> str:
+def _name(distribution: Any) -> str:
+    # Not `Distribution`: where the backport importlib_metadata was imported, it gives those of its own class.
     return str(distribution.metadata["Name"])
 
 
@@ -108,7 +112,7 @@ class Commands(click.Group):
             ctx.exit(code)
 
 
-def _load(owner: str, point: EntryPoint) -> click.Command:
+def _load(owner: str, point: Any) -> click.Command:
     try:
         command = point.load()
     except Exception as error:

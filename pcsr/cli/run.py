@@ -46,7 +46,13 @@ from pcsr.cli.options import plugin_option, set_option
     default=None,
     help="Processes for data and metrics.  [default: all cores]",
 )
-def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, **where: Any) -> None:
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own.",
+)
+def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, data: Path | None, **where: Any) -> None:
     """Train and evaluate a recipe, or compare several.
 
     What is done already is not done again: training goes on from its last checkpoint, and is skipped where finished
@@ -55,12 +61,18 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, **w
     from rich.console import Console
 
     from pcsr import report
+    from pcsr.data.plan import on_data
+    from pcsr.data.shards import read_manifest
     from pcsr.recipe import load
     from pcsr.run import Place, run, run_folder
 
     console = Console()
-    place = Place(runs=runs, **where)
-    for one in load(recipe, registry, overrides):
+    place = Place(runs=runs, data=data, **where)
+    recipes = load(recipe, registry, overrides)
+    if data is not None:
+        manifest = read_manifest(data)
+        recipes = [on_data(one, manifest, data, registry) for one in recipes]
+    for one in recipes:
         results = run(one, registry, place, console)
         if results:  # one process of several has them
             console.print(report.table(results))

@@ -39,6 +39,7 @@ class Batches:
     touches: tuple[int, int]
     """Fewest and most touches; each batch draws its own number."""
     augment: Sequence[str]
+    """`redraw` draws the sparse cloud anew from the truth, at random: for data whose sampling is random."""
     seed: int
 
     @property

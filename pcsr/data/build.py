@@ -1,128 +1,152 @@
-"""Building a split: every object sampled and touched, on all cores, and kept for the next run."""
+"""Building TSR-PD (TAPSR, Sec. 4.1): every object sampled and touched, shard by shard, and kept.
 
-import multiprocessing
-import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+A shard that is finished is never made again. So a build that was stopped, in whatever way, goes on where it was, and
+ends with the same bytes as one that was not.
+"""
+
+import hashlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-import torch
-from rich.progress import Progress
+import numpy as np
 
-from pcsr.contracts import Shapes, TouchSource
+import pcsr
 from pcsr.data.dataset import Split
-from pcsr.data.sample import Sample, make_sample
-from pcsr.errors import RunError, UserError
-from pcsr.plugins import load_plugins
-from pcsr.recipe import Recipe
-from pcsr.registry import Registry
+from pcsr.data.plan import FORMAT, Plan
+from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, shard_path, write_manifest, write_shard
+from pcsr.data.workers import Crew, results
+from pcsr.errors import UserError
 
 
 def load_or_build(
-    recipe: Recipe,
-    registry: Registry,
-    split: str,
-    folder: Path,
-    *,
-    jobs: int | None = None,
-    progress: Progress | None = None,
+    plan: Plan, split: str, folder: Path, crew: Crew, advance: Callable[[int], None] = lambda count: None
 ) -> Split:
-    """The split from `folder`, where it is built first if it isn't there yet.
+    """A split from `folder`, where it is built first as far as it isn't there yet.
 
     Args:
-        recipe: says which shapes, touches and numbers of points.
-        registry: where the parts come from.
+        plan: what the data is.
         split: "train", "validation" or "test".
-        folder: holds one folder for each data fingerprint.
-        jobs: processes; all cores by default.
-        progress: shows a bar while building.
+        folder: of this data and no other.
+        crew: who builds.
+        advance: called with the number of objects that were just finished, or found finished.
 
     Raises:
-        UserError: the split is empty, or no object of it could be used.
+        UserError: the folder holds other data, the split is empty, or no object of it could be used.
     """
-    path = folder / recipe.data_fingerprint[:12] / f"{split}.safetensors"
-    if path.exists():
-        return Split.load(path)
-    built = build(recipe, registry, split, jobs=jobs or os.cpu_count() or 1, progress=progress)
-    built.save(path)
-    return built
+    build_split(plan, split, folder, crew, advance)
+    return Split.load(folder, split)
 
 
-def build(recipe: Recipe, registry: Registry, split: str, *, jobs: int = 1, progress: Progress | None = None) -> Split:
-    """Build a split. The result does not depend on `jobs`."""
-    shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
-    names = shapes.names(split)
-    if not names:
-        raise UserError(f"shapes '{recipe.data.shapes.use}' have no object in the split '{split}'")
-    task = progress.add_task(f"building the {split} data", total=len(names)) if progress else None
-    samples: list[Sample] = []
-    rejected: dict[str, str] = {}
-    for name, result in zip(names, _results(recipe, registry, names, jobs), strict=True):
-        if isinstance(result, Sample):
-            samples.append(result)
-        else:
-            rejected[name] = result
-        if progress and task is not None:
-            progress.advance(task)
-    if not samples:
-        reasons = "; ".join(f"{reason} ({count}x)" for reason, count in Counter(rejected.values()).most_common(3))
-        raise UserError(f"none of the {len(names)} objects of the split '{split}' can be used: {reasons}")
-    about = {
-        "fingerprint": recipe.data_fingerprint,
-        "split": split,
-        "objects": len(samples),
-        "rejected": rejected,
-    }
-    return Split.of(samples, about)
+def build_split(
+    plan: Plan, split: str, folder: Path, crew: Crew, advance: Callable[[int], None] = lambda count: None
+) -> None:
+    """Build what is missing of a split. The bytes depend neither on the crew nor on stops in between.
 
-
-def _results(recipe: Recipe, registry: Registry, names: Sequence[str], jobs: int) -> Iterator[Sample | str]:
-    """A sample for each name in their order, or the reason why there is none."""
-    if jobs == 1 or len(names) < 2 * jobs:
-        worker = _Worker(recipe, registry)
-        yield from map(worker.make, names)
+    Raises:
+        UserError: the folder holds other data, the split is empty, or touches of different sizes.
+        RunError: a process died, the cluster is lost, or the disk is full; what is finished is kept.
+    """
+    names = plan.split(split)
+    manifest = _manifest(plan, folder)
+    done = manifest["splits"].get(split)
+    if done and not done["faults"] and all((folder / shard["file"]).exists() for shard in done["shards"]):
+        advance(len(names))
         return
-    context = multiprocessing.get_context("spawn")
-    files = tuple(registry.files)
+    shards = [names[i : i + SHARD] for i in range(0, len(names), SHARD)]
+    missing = []
+    for number, some in enumerate(shards):
+        path = shard_path(folder, split, number)
+        if path.exists() and _finished(path, plan.fingerprint):
+            advance(len(some))
+        else:
+            missing.append(number)
+    # All that is missing is one stream of work, so that no process waits at the end of a shard.
+    stream = results(plan, [name for number in missing for name in shards[number]], crew)
+    for number in missing:
+        made = []
+        for _ in shards[number]:
+            made.append(next(stream))
+            advance(1)
+        write_shard(shard_path(folder, split, number), made, plan.fingerprint)
+    # Another process may have built another split in the meantime.
+    manifest = _manifest(plan, folder)
+    manifest["splits"][split] = _summary(folder, split, len(shards))
+    manifest["splits"] = {name: manifest["splits"][name] for name in plan.names if name in manifest["splits"]}
+    write_manifest(folder, manifest)
+
+
+def _finished(path: Path, fingerprint: str) -> bool:
+    """Whether a shard is of this data and needs no other try. A file that was damaged is made again."""
     try:
-        with ProcessPoolExecutor(jobs, context, _start, (recipe.resolved(), files)) as pool:
-            yield from pool.map(_make, names, chunksize=4)
-    except BrokenProcessPool as error:
-        raise RunError(f"a process that was building data died ({error}): out of memory? try --jobs 1") from error
+        card = read_card(path)
+    except UserError:
+        return False
+    return bool(card["fingerprint"] == fingerprint and not card["faults"])
 
 
-class _Worker:
-    """What one process needs to make samples."""
+def _manifest(plan: Plan, folder: Path) -> dict[str, Any]:
+    """The folder's manifest, a new one if it has none.
 
-    def __init__(self, recipe: Recipe, registry: Registry) -> None:
-        self.recipe = recipe
-        self.shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
-        self.source: TouchSource = recipe.data.touch.build(registry, "touch")
-
-    def make(self, name: str) -> Sample | str:
-        """One sample, or the reason why there is none: one bad object does not stop the others."""
-        recipe = self.recipe
-        try:
-            item = self.shapes.item(name)
-            return make_sample(item, self.source, recipe.data, recipe.most_touches, recipe.seed)
-        except UserError as error:
-            return str(error)
-
-
-_worker: _Worker
-
-
-def _start(recipe: dict[str, object], files: tuple[Path, ...]) -> None:
-    from pcsr.recipe import from_resolved
-
-    global _worker
-    torch.set_num_threads(1)
-    # Plugins given as files are loaded again here: their classes are not importable by name otherwise.
-    registry = load_plugins(files)
-    _worker = _Worker(from_resolved(recipe, registry), registry)
+    Raises:
+        UserError: it is of other data.
+    """
+    if (folder / MANIFEST).exists():
+        manifest = read_manifest(folder)
+        if manifest["fingerprint"] != plan.fingerprint:
+            raise UserError(
+                f"{folder} holds other data (fingerprint {manifest['fingerprint'][:12]}, not {plan.fingerprint[:12]}): "
+                f"its objects or settings differ; choose another folder, or delete this one"
+            )
+        return manifest
+    recipe = plan.recipe
+    data = recipe.resolved()["data"] | {"touches": recipe.most_touches, "seed": recipe.data_seed}
+    manifest = {
+        "format": FORMAT,
+        "made_by": f"pcsr {pcsr.__version__}",
+        "fingerprint": plan.fingerprint,
+        "data": data,
+        "empty": plan.empty,
+        "splits": {},
+    }
+    write_manifest(folder, manifest)
+    return manifest
 
 
-def _make(name: str) -> Sample | str:
-    return _worker.make(name)
+def _summary(folder: Path, split: str, count: int) -> dict[str, Any]:
+    """What the shards of a split hold, for its place in the manifest."""
+    shards: list[dict[str, Any]] = []
+    rejected: dict[str, str] = {}
+    groups: set[str] = set()
+    sensors: set[str] = set()
+    coverage: list[list[float]] = []
+    faults = 0
+    for number in range(count):
+        path = shard_path(folder, split, number)
+        card = read_card(path)
+        rejected |= card["rejected"]
+        faults += card["faults"]
+        groups |= set(card["groups"])
+        sensors |= set(card["sensors"])
+        coverage += card["coverage"]
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        shards.append({"file": path.name, "objects": len(card["names"]), "sha256": digest})
+    shares = np.array(coverage)
+    return {
+        "objects": len(coverage),
+        "groups": len(groups),
+        "sensors": sorted(sensors),
+        # For 1, 2, … touches: the share of an object that they felt, in the mean and at 10, 50 and 90 % of objects.
+        "coverage": [{"touches": k + 1, "mean": float(of.mean()), **_quantiles(of)} for k, of in enumerate(shares.T)]
+        if shares.size
+        else [],
+        "rejected": rejected,
+        # Of the rejected, those that are not the objects' doing; they are tried again by the next build.
+        "faults": faults,
+        "shards": shards,
+    }
+
+
+def _quantiles(shares: np.ndarray) -> dict[str, float]:
+    return {f"p{at}": float(value) for at, value in zip((10, 50, 90), np.percentile(shares, (10, 50, 90)), strict=True)}

@@ -1,107 +1,91 @@
-"""A split of the data set in memory and on disk: stacked clouds with what they are."""
+"""A split of the data set: clouds, object by object, with what they are."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from safetensors import SafetensorError, safe_open
-from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcsr.data.sample import Sample
+from pcsr.data.shards import CLOUDS, read_card, read_clouds, read_manifest
 from pcsr.errors import UserError
-from pcsr.files import save_tensors
 from pcsr.geometry.frames import UnitSphere
 
 
 @dataclass(frozen=True)
 class Split:
-    """All objects of one split. Clouds are in the frame in which the truth fills the unit sphere."""
+    """All objects of one split. Clouds are in the frame in which the truth fills the unit sphere.
 
-    names: list[str]
-    groups: list[str]
-    truth: Float[Tensor, "k g 3"]
-    points: Float[Tensor, "k n 3"]
-    touches: Float[Tensor, "k a m 3"]
-    spheres: list[UnitSphere]
+    Clouds of a split that was read from a folder stay there until they are looked at.
+    """
+
+    names: Sequence[str]
+    groups: Sequence[str]
+    truth: Sequence[Float[Tensor, "g 3"]]
+    points: Sequence[Float[Tensor, "n 3"]]
+    touches: Sequence[Float[Tensor, "a m 3"]]
+    spheres: Sequence[UnitSphere]
     """For each object, how its own frame became this one."""
+    felt: Sequence[Sequence[float]]
+    """For each object, the share of its truth that its first touch felt, its first two, and so on."""
     about: dict[str, Any]
-    """Fingerprint, counts, coverage, and the objects left out with the reasons."""
+    """The data's fingerprint, and the objects left out with the reasons (`rejected`)."""
 
     def __len__(self) -> int:
         return len(self.names)
 
-    @classmethod
-    def of(cls, samples: Sequence[Sample], about: dict[str, Any]) -> "Split":
-        """Stack samples."""
-        return cls(
-            names=[s.name for s in samples],
-            groups=[s.group for s in samples],
-            truth=torch.from_numpy(np.stack([s.truth for s in samples])),
-            points=torch.from_numpy(np.stack([s.points for s in samples])),
-            touches=torch.from_numpy(np.stack([s.touches for s in samples])),
-            spheres=[s.sphere for s in samples],
-            about=about,
+    def chosen(self, rows: Sequence[int]) -> "Split":
+        """Some of its objects."""
+        return Split(
+            names=[self.names[i] for i in rows],
+            groups=[self.groups[i] for i in rows],
+            truth=[self.truth[i] for i in rows],
+            points=[self.points[i] for i in rows],
+            touches=[self.touches[i] for i in rows],
+            spheres=[self.spheres[i] for i in rows],
+            felt=[self.felt[i] for i in rows],
+            about=self.about,
         )
 
     def spread(self, count: int) -> "Split":
         """`count` objects, evenly spread over the split, so that every group stays in."""
         count = min(count, len(self))
-        kept = [i * len(self) // count for i in range(count)]
-        return Split(
-            names=[self.names[i] for i in kept],
-            groups=[self.groups[i] for i in kept],
-            truth=self.truth[kept],
-            points=self.points[kept],
-            touches=self.touches[kept],
-            spheres=[self.spheres[i] for i in kept],
-            about=self.about,
-        )
+        return self.chosen([i * len(self) // count for i in range(count)])
 
     def coverage(self, touches: int) -> float:
-        """Mean share of the truth's points that the first `touches` touches cover.
-
-        A point is covered if a touched point lies within twice the usual distance of touched points.
-        """
-        if touches == 0 or self.touches.shape[1] == 0:
-            return 0.0
-        shares = []
-        for truth, felt in zip(self.truth.numpy(), self.touches[:, :touches].numpy(), strict=True):
-            spacing = np.median([cKDTree(touch).query(touch, k=2)[0][:, 1].mean() for touch in felt])
-            distance = cKDTree(felt.reshape(-1, 3)).query(truth)[0]
-            shares.append(float((distance < 2 * spacing).mean()))
-        return float(np.mean(shares))
-
-    def save(self, path: Path) -> None:
-        """Write the split whole, or not at all."""
-        card = {
-            "names": self.names,
-            "groups": self.groups,
-            "spheres": [[*map(float, s.centre), float(s.radius)] for s in self.spheres],
-            "about": self.about,
-        }
-        tensors = {"truth": self.truth, "points": self.points, "touches": self.touches}
-        save_tensors(path, tensors, {"pcsr": json.dumps(card)})
+        """Mean share of the truth's points that the first `touches` touches cover."""
+        return float(np.mean([shares[touches - 1] for shares in self.felt])) if touches else 0.0
 
     @classmethod
-    def load(cls, path: Path) -> "Split":
-        """Read a split.
+    def load(cls, folder: Path, split: str) -> "Split":
+        """Read a split from a folder that holds it whole.
 
         Raises:
-            UserError: the file is damaged or not a split.
+            UserError: it isn't there, a file of it is damaged, or none of its objects could be used.
         """
-        try:
-            with safe_open(path, "pt") as file:
-                card = json.loads(file.metadata()["pcsr"])
-                tensors = {name: file.get_tensor(name) for name in ("truth", "points", "touches")}
-        except (SafetensorError, KeyError, TypeError, ValueError) as error:
-            raise UserError(
-                f"{path} is not a split of pcsr data ({error}): delete it to have it built again"
-            ) from error
-        spheres = [UnitSphere(np.array(s[:3]), s[3]) for s in card["spheres"]]
-        return cls(card["names"], card["groups"], spheres=spheres, about=card["about"], **tensors)
+        manifest = read_manifest(folder)
+        if split not in manifest["splits"]:
+            there = ", ".join(manifest["splits"]) or "none"
+            raise UserError(f"{folder} has no split '{split}' (it has: {there}): build it with `pcsr data make`")
+        whole = cls([], [], [], [], [], [], [], {"fingerprint": manifest["fingerprint"], "rejected": {}})
+        lists: dict[str, list[Any]] = {name: [] for name in ("names", "groups", "spheres", "felt", *CLOUDS)}
+        for shard in manifest["splits"][split]["shards"]:
+            path = folder / shard["file"]
+            card = read_card(path)
+            if card["fingerprint"] != manifest["fingerprint"]:
+                raise UserError(f"{path} belongs to other data than {folder / 'manifest.json'}: build the folder again")
+            whole.about["rejected"].update(card["rejected"])
+            if card["names"]:
+                clouds = read_clouds(path)
+                lists["names"] += card["names"]
+                lists["groups"] += card["groups"]
+                lists["spheres"] += [UnitSphere(np.array(s[:3]), s[3]) for s in card["spheres"]]
+                lists["felt"] += card["coverage"]
+                for name in CLOUDS:
+                    lists[name] += clouds[name].unbind(0)
+        if not lists["names"]:
+            reasons = "; ".join(list(whole.about["rejected"].values())[:3])
+            raise UserError(f"{folder}: none of the objects of the split '{split}' could be used: {reasons}")
+        return cls(about=whole.about, **lists)

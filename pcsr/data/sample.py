@@ -1,16 +1,23 @@
 """One object of the data set: truth, sparse cloud and touches (TAPSR, Sec. 4.1)."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+import trimesh
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
 
 from pcsr.contracts import Item, TouchSource
+from pcsr.data.view import seen_points
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
-from pcsr.geometry.sampling import farthest_points, poisson_points, poisson_subset
+from pcsr.geometry.sampling import CANDIDATES, farthest_points, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
+
+NEAR = 2.0
+"""A truth point is felt if a touched point lies within this many of their usual distances."""
 
 
 @dataclass(frozen=True)
@@ -24,33 +31,46 @@ class Sample:
     touches: Float[np.ndarray, "a m 3"]
     sphere: UnitSphere
     """Maps the object's own frame to this one."""
+    coverage: tuple[float, ...]
+    """The share of the truth that the first touch felt, that the first two felt, and so on."""
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """An object that could not be used."""
+
+    reason: str
+    fault: bool = False
+    """Not the object's doing but a fault of a part or a library: it is tried again when the build is run again."""
 
 
 def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed: int) -> Sample:
     """Sample an object's surface and touch it.
 
-    The truth is blue noise, points·rate of it; the sparse cloud is a subset of the truth, as in the paper.
-
     Raises:
         UserError: the object has no usable surface or cannot be touched; the message names it and says why.
     """
     rng = np.random.default_rng(item_seed(seed, item.name))
-    truth = poisson_points(item.mesh, data.points * data.rate, rng)
-    chosen = _subset(truth, data.points, data.sampling, rng)
-    felt = source.touches(item, truth[chosen], touches, int(rng.integers(2**31))) if touches else []
+    truth = _truth(item.mesh, data, rng)
+    points = _sparse(item, truth, data, rng)
+    felt = source.touches(item, points, touches, int(rng.integers(2**31))) if touches else []
     if len(felt) != touches or len({len(touch.points) for touch in felt}) > 1:
         raise UserError(
             f"{item.name}: its touch source gave {[len(touch.points) for touch in felt]} points, "
             f"where {touches} touches of one size were asked for"
         )
     sphere = UnitSphere.fit(truth)
+    clouds = [sphere.apply(touch.points) for touch in felt]
     return Sample(
         name=item.name,
         group=item.group,
         truth=sphere.apply(truth),
-        points=sphere.apply(truth[chosen]),
-        touches=np.stack([sphere.apply(touch.points) for touch in felt]) if felt else np.zeros((0, 0, 3), np.float32),
+        points=sphere.apply(points),
+        touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
+        coverage=covered(sphere.apply(truth), clouds),
+        sensor="+".join(dict.fromkeys(touch.sensor for touch in felt)),
     )
 
 
@@ -59,7 +79,46 @@ def item_seed(seed: int, name: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
 
 
-def _subset(truth: Float[np.ndarray, "g 3"], count: int, sampling: str, rng: np.random.Generator) -> np.ndarray:
+def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]) -> tuple[float, ...]:
+    """The share of the truth's points that the first touch covers, the first two, and so on.
+
+    A point is covered if a touched point lies within twice the mean distance from a touched point to its nearest.
+    Measured on the clouds themselves, so that it means the same for every touch source.
+    """
+    felt = np.zeros(len(truth), bool)
+    shares = []
+    for touch in touches:
+        tree = KDTree(np.unique(touch, axis=0))  # where a touch had too few points they are repeated
+        if tree.n > 1:
+            spacing = tree.query(tree.data, k=2)[0][:, 1].mean()
+            distance, _ = tree.query(truth, distance_upper_bound=NEAR * spacing)
+            felt |= np.isfinite(distance)
+        shares.append(float(felt.mean()))
+    return tuple(shares)
+
+
+def _truth(mesh: trimesh.Trimesh, data: Data, rng: np.random.Generator) -> Float[np.ndarray, "g 3"]:
+    count = data.points * data.rate
+    if data.truth == "poisson":
+        return poisson_points(mesh, count, rng)
+    candidates = surface_points(mesh, CANDIDATES * count, rng)
+    chosen: Float[np.ndarray, "g 3"] = candidates[farthest_points(candidates, count)]
+    return chosen
+
+
+def _sparse(
+    item: Item, truth: Float[np.ndarray, "g 3"], data: Data, rng: np.random.Generator
+) -> Float[np.ndarray, "n 3"]:
+    """A subset of the truth, as in the paper, or what a camera sees."""
+    if data.sampling == "view":
+        return seen_points(item.mesh, data.points, data.view, rng, item.name)
+    chosen: Float[np.ndarray, "n 3"] = truth[_subset(truth, data.points, data.sampling, rng)]
+    return chosen
+
+
+def _subset(
+    truth: Float[np.ndarray, "g 3"], count: int, sampling: str, rng: np.random.Generator
+) -> Int[np.ndarray, " n"]:
     if sampling == "poisson":
         return poisson_subset(truth, count, rng)
     if sampling == "fps":

@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.recipe.check import check
-from pcsr.recipe.compose import compose
-from pcsr.recipe.schema import Data, PartSpec, Recipe
+from pcsr.recipe.compose import compose, lay_over
+from pcsr.recipe.schema import Data, PartSpec, Recipe, View
 from pcsr.recipe.source import Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
-__all__ = ["Data", "Mistake", "PartSpec", "Place", "Recipe", "RecipeError", "from_resolved", "load"]
+__all__ = ["Data", "Mistake", "PartSpec", "Place", "Recipe", "RecipeError", "View", "for_data", "from_resolved", "load"]
+
+MOST_STUDIED = 5
+"""Touches of each object in the paper's data set (Fig. 4, Table 1)."""
 
 
 def load(path: Path, registry: Registry, overrides: Sequence[str] = ()) -> list[Recipe]:
@@ -34,6 +37,31 @@ def load(path: Path, registry: Registry, overrides: Sequence[str] = ()) -> list[
     if mistakes:
         raise RecipeError(mistakes)
     return recipes
+
+
+def for_data(
+    shapes: str, options: dict[str, Any], registry: Registry, overrides: Sequence[str] = (), part: str | None = None
+) -> Recipe:
+    """A recipe for its data alone.
+
+    Args:
+        shapes: the part that gives the objects.
+        options: of that part.
+        registry: the parts that it may name.
+        overrides: each `key=value`. A key of a recipe's section `data` is meant; any other is an option of the
+            shapes: `points=256`, `touch.object_size=30`, `count=40`.
+        part: "touch", say: the overrides are options of that part alone.
+
+    Raises:
+        RecipeError: every mistake in it.
+    """
+    data = {"shapes": {"use": shapes, **options}, "touches": MOST_STUDIED}
+    source = Source({"name": "data", "data": data}, {(): Place(f"shapes {shapes}")})
+    for override in overrides:
+        key = override.partition("=")[0].partition(".")[0]
+        section = part or ("" if key in Data.model_fields else "shapes")
+        lay_over(source, ".".join(filter(None, ("data", section, override))), override)
+    return check(source, registry)
 
 
 def from_resolved(data: dict[str, Any], registry: Registry, origin: str = "recipe in the weights") -> Recipe:

@@ -32,7 +32,7 @@ def compose(path: Path, overrides: Sequence[str] = ()) -> list[Source]:
     """
     source = _with_parents(path, ())
     for override in overrides:
-        _set(source, override)
+        lay_over(source, override)
     return list(_expand(source))
 
 
@@ -102,9 +102,15 @@ def _forget(source: Source, keys: Keys) -> None:
             del places[known]
 
 
-def _set(source: Source, override: str) -> None:
-    """Apply `dotted.key=value`. It wins over a matrix, which no longer varies that key."""
-    place = Place(f"--set {override}")
+def lay_over(source: Source, override: str, written: str | None = None) -> None:
+    """Apply `dotted.key=value`. It wins over a matrix, which no longer varies that key.
+
+    Args:
+        source: what to change; mistakes go into it.
+        override: what to apply.
+        written: what a person wrote for it, if that was something else.
+    """
+    place = Place(f"--set {written or override}")
     dotted, equals, text = override.partition("=")
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")

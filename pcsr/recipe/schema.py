@@ -32,6 +32,19 @@ class PartSpec(Section):
         return registry.get(kind, self.use)(*host, **self.options)
 
 
+class View(Section):
+    """The simulated depth camera of `sampling: view`."""
+
+    cameras: Annotated[int, Field(ge=1, le=64)] = 1
+    """Places that the object is seen from, drawn for each object; what none of them sees is missing."""
+    noise: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Standard deviation along the line of sight, in radii of the object."""
+    distance: Annotated[float, Field(gt=1)] = 3.0
+    """From the camera to the object's middle, in radii of the object."""
+    pixels: Annotated[int, Field(ge=8, le=4096)] = 160
+    """Along each side of the image, which just holds the object."""
+
+
 class Data(Section):
     """The objects, their clouds and their touches."""
 
@@ -43,8 +56,13 @@ class Data(Section):
     """Points of the sparse cloud."""
     rate: Annotated[int, Field(ge=1, le=64)] = 16
     """Points of the truth for each of them."""
-    sampling: Literal["random", "poisson", "fps"] = "random"
-    """How the sparse cloud is drawn from the truth."""
+    truth: Literal["poisson", "fps"] = "poisson"
+    """How the truth is drawn from the surface: blue noise, or farthest points."""
+    sampling: Literal["random", "poisson", "fps", "view"] = "random"
+    """How the sparse cloud is drawn from the truth; `view`: seen by a depth camera instead."""
+    view: View = View()
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+    """None: the recipe's. With one of its own the data stays the same under other seeds of the training."""
 
 
 class Model(Section):
@@ -133,9 +151,9 @@ class Recipe(Section):
         return _hash({"seed": self.seed, "data": data, "model": plain["model"], "train": train})
 
     @property
-    def data_fingerprint(self) -> str:
-        """Hash of all that decides the data set."""
-        return _hash({"seed": self.seed, "data": self.resolved()["data"] | {"touches": self.most_touches}})
+    def data_seed(self) -> int:
+        """The seed of everything random in the data."""
+        return self.seed if self.data.seed is None else self.data.seed
 
 
 DEFAULTS: dict[str, Any] = {

@@ -79,7 +79,8 @@
     current = k;
     const example = drawn.examples[k];
     buttons.forEach((button, i) => button.setAttribute("aria-pressed", String(i === k)));
-    document.getElementById("limit").textContent = `${example.limit.toPrecision(3)} ×10⁻³`;
+    const limit = document.getElementById("limit");
+    if (limit) limit.textContent = `${example.limit.toPrecision(3)} ×10⁻³`;
     while (views.length < example.views.length) {
       const figure = element("figure", "", row);
       const view = element("div", "view", figure);
@@ -90,7 +91,7 @@
     example.views.forEach((shown, i) => {
       const view = views[i];
       view.nextSibling.textContent = shown.title;
-      made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(example.range), config));
+      made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(shown.range ?? example.range), config));
     });
     await Promise.all(made);
     views.filter((view) => !view.dataset.linked).forEach((view) => {

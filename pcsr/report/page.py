@@ -42,10 +42,22 @@ def render(
         )
     )
     drawn = {"examples": [views(example) for example in examples], "charts": charts}
+    return shell(f"{results.name}: results", body, drawn, plotly=plotly)
+
+
+def shell(title: str, body: str, drawn: dict[str, Any], *, plotly: str) -> str:
+    """A page that needs nothing but a browser.
+
+    Args:
+        title: plain text.
+        body: HTML.
+        drawn: `examples`, rows of views as `views` gives them, and `charts` by name.
+        plotly: the source of plotly.js, embedded once.
+    """
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(results.name)}: results</title>\n"
+        f"<title>{html.escape(title)}</title>\n"
         f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n"
         "<noscript><p>The views and charts need JavaScript.</p></noscript>\n</main>\n"
         f'<script type="application/json" id="drawn">{_json(drawn)}</script>\n'
@@ -118,10 +130,7 @@ def _groups(results: Results, metric: str) -> str:
 def _examples(examples: Sequence[Example], results: Results) -> str:
     if not examples:
         return ""
-    tabs = "".join(
-        f'<button type="button" data-example="{k}">{html.escape(example.name)}</button>'
-        for k, example in enumerate(examples)
-    )
+    tabs = example_tabs([example.name for example in examples])
     gradient = ", ".join(f"{colour} {100 * place:g}%" for place, colour in COLOURS)
     note = (
         f"Colour is the distance from a predicted point to the nearest of the {results.data.truth} true points, "
@@ -132,6 +141,13 @@ def _examples(examples: Sequence[Example], results: Results) -> str:
         f'<section id="examples"><h2>Examples</h2><nav>{tabs}</nav><div class="row"></div>'
         f'<div class="scale"><span>0</span><i style="background: linear-gradient(to right, {gradient})"></i>'
         f'<span id="limit"></span></div><p class="note">{html.escape(note)}</p></section>'
+    )
+
+
+def example_tabs(names: Sequence[str]) -> str:
+    """A button for each row of views."""
+    return "".join(
+        f'<button type="button" data-example="{k}">{html.escape(name)}</button>' for k, name in enumerate(names)
     )
 
 

@@ -27,20 +27,20 @@ def views(example: Example) -> dict[str, Any]:
     errors = {name: distance(cloud, example.truth) * ERROR_SCALE for name, cloud in example.predictions.items()}
     # A single stray point would otherwise make all others look perfect.
     limit = float(np.percentile(np.concatenate(list(errors.values())), 99)) or 1.0
-    shown = [_view(f"input, {len(example.input)} points", _plain(example.input, "input", 3.0))]
+    shown = [view(f"input, {len(example.input)} points", plain(example.input, "input", 3.0))]
     if example.touches is not None:
         shown.append(
-            _view(
+            view(
                 f"touches, {len(example.touches)} points",
-                _plain(example.input, "quiet", 2.5),
-                _plain(example.touches, "touch", 2.0),
+                plain(example.input, "quiet", 2.5),
+                plain(example.touches, "touch", 2.0),
             )
         )
     for name, cloud in example.predictions.items():
         mean = float(errors[name].mean())
-        shown.append(_view(f"{name}, mean error {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit)))
-    shown.append(_view(f"truth, {len(example.truth)} points", _plain(example.truth, "truth", 1.6)))
-    return {"name": example.name, "limit": limit, "range": _cube(example), "views": shown}
+        shown.append(view(f"{name}, mean error {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit)))
+    shown.append(view(f"truth, {len(example.truth)} points", plain(example.truth, "truth", 1.6)))
+    return {"name": example.name, "limit": limit, "range": cube(*_held(example)), "views": shown}
 
 
 def distance(prediction: Float[np.ndarray, "n 3"], truth: Cloud) -> Float[np.ndarray, " n"]:
@@ -48,11 +48,12 @@ def distance(prediction: Float[np.ndarray, "n 3"], truth: Cloud) -> Float[np.nda
     return np.asarray(cKDTree(truth.astype(np.float64)).query(prediction.astype(np.float64), workers=1)[0])
 
 
-def _view(title: str, *traces: dict[str, Any]) -> dict[str, Any]:
+def view(title: str, *traces: dict[str, Any]) -> dict[str, Any]:
+    """One view: its title and what it shows."""
     return {"title": title, "traces": list(traces)}
 
 
-def _plain(cloud: Cloud, colour: str, size: float) -> dict[str, Any]:
+def plain(cloud: Cloud, colour: str, size: float) -> dict[str, Any]:
     """Points of one colour, which the page's style sheet gives under this name."""
     return {**_points(cloud), "marker": {"size": size, "color": colour}, "hoverinfo": "skip"}
 
@@ -77,9 +78,14 @@ def _points(cloud: Cloud) -> dict[str, Any]:
     return {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z}
 
 
-def _cube(example: Example) -> list[list[float]]:
-    """One range for all views, so that one camera means the same in each; strays may fall outside."""
-    held = np.concatenate([c for c in (example.input, example.touches, example.truth) if c is not None])
+def _held(example: Example) -> list[Cloud]:
+    """What every view must hold; strays of a prediction may fall outside."""
+    return [cloud for cloud in (example.input, example.touches, example.truth) if cloud is not None]
+
+
+def cube(*clouds: Cloud) -> list[list[float]]:
+    """One range for all views, so that one camera means the same in each."""
+    held = np.concatenate(clouds)
     low, high = held.min(0).astype(np.float64), held.max(0).astype(np.float64)
     middle, half = (low + high) / 2, float((high - low).max()) / 2 * 1.05 or 1.0
     return [[round(float(m) - half, DECIMALS), round(float(m) + half, DECIMALS)] for m in middle]

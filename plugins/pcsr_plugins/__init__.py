@@ -24,6 +24,7 @@ def pcsr_register(register: Register) -> None:
     register.objective("chamfer", "pcsr_plugins.objectives.chamfer:Chamfer")
 
     register.touch("digit", "pcsr_plugins.touch.digit:Digit")
+    register.touch("recorded", "pcsr_plugins.touch.recorded:Recorded")
 
     register.shapes("cad-parts", "pcsr_plugins.shapes.cad_parts:CadParts")
     register.shapes("meshes", "pcsr_plugins.shapes.meshes:Meshes")

@@ -19,10 +19,11 @@ def split(count: int = 7) -> Split:
     return Split(
         names=[f"object {i}" for i in range(count)],
         groups=["all"] * count,
-        truth=truth,
-        points=truth[:, :10].clone(),
-        touches=torch.randn(count, 3, 8, 3, generator=random),
+        truth=list(truth),
+        points=list(truth[:, :10].clone()),
+        touches=list(torch.randn(count, 3, 8, 3, generator=random)),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
+        felt=[(0.1, 0.2, 0.3)] * count,
         about={},
     )
 

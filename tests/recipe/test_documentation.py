@@ -37,6 +37,7 @@ def test_each_default_is_true_and_none_is_left_out(registry, write):
     plain = recipe.resolved()
     for section in ("data", "train", "evaluate"):
         plain |= {f"{section}.{key}": value for key, value in plain.pop(section).items()}
+    plain |= {f"data.view.{key}": value for key, value in plain.pop("data.view").items()}
     plain["model.touch_encoder"] = plain.pop("model")["touch_encoder"]
     documented = dict(ROWS)
     assert documented.keys() == plain.keys()

@@ -30,7 +30,10 @@ def test_defaults_are_filled_in(write, registry):
             "touches": 4,
             "points": 512,
             "rate": 16,
+            "truth": "poisson",
             "sampling": "random",
+            "view": {"cameras": 1, "noise": 0.0, "distance": 3.0, "pixels": 160},
+            "seed": None,
         },
         "model": {
             "encoder": {"use": "net", "channels": 8, "order": "hilbert", "layers": [1, 2], "dropout": None},
@@ -65,7 +68,7 @@ def test_a_resolved_recipe_comes_back_the_same(write, registry):
     made = recipe(write, registry, overrides=changes)
     again = from_resolved(json.loads(json.dumps(made.resolved())), registry)
     assert again == made
-    assert (again.fingerprint, again.data_fingerprint) == (made.fingerprint, made.data_fingerprint)
+    assert again.fingerprint == made.fingerprint
 
 
 def test_a_resolved_recipe_of_other_parts_is_refused(write, registry):
@@ -109,7 +112,6 @@ def test_touches_at_evaluation_do_not_decide_the_weights_if_training_has_its_own
     text = "name: a\ntrain: {touches: [0, 5]}"
     few, many = (recipe(write, registry, text, [f"data.touches={count}"]) for count in (1, 5))
     assert few.fingerprint == many.fingerprint
-    assert few.data_fingerprint == many.data_fingerprint
 
 
 @pytest.mark.parametrize(
@@ -121,22 +123,9 @@ def test_touch_range(write, registry, train, evaluation, touch_range, most):
     assert (made.touch_range, made.most_touches) == (touch_range, most)
 
 
-@pytest.mark.parametrize(
-    ("change", "changes"),
-    [
-        ("seed=1", True),
-        ("data.shapes.count=3", True),
-        ("train.touches=[0, 6]", True),
-        ("data.touches=6", True),
-        ("train.epochs=1", False),
-        ("model.encoder.channels=2", False),
-        ("train.touches=1", False),
-        ("name=b", False),
-    ],
-)
-def test_the_data_fingerprint_tells_what_decides_the_data(write, registry, change, changes):
-    before, after = recipe(write, registry), recipe(write, registry, overrides=[change])
-    assert (before.data_fingerprint != after.data_fingerprint) is changes
+def test_the_data_may_have_a_seed_of_its_own(write, registry):
+    assert recipe(write, registry, overrides=["seed=3"]).data_seed == 3
+    assert recipe(write, registry, overrides=["seed=3", "data.seed=0"]).data_seed == 0
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=20, deadline=None)

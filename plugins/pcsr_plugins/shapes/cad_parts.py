@@ -59,6 +59,8 @@ ATTEMPTS = 20
 class CadParts(Shapes):
     """Families of parts in turn, each part of a family different."""
 
+    version = 1
+
     def __init__(self, *, count: int = 1600, held_out: int = 96, seed: int = 0) -> None:
         """Choose how many.
 
@@ -103,6 +105,10 @@ class CadParts(Shapes):
             if mesh is not None:
                 return Item(name, family, check_mesh(mesh, name))
         raise UserError(f"cad-parts could not make '{name}' in one piece with seed {self.seed}: take another seed")
+
+    def digest(self, name: str) -> str:
+        """The seed: with the version and the name it says which part that is."""
+        return f"seed {self.seed}"
 
 
 def _seed(seed: int, name: str, attempt: int) -> int:

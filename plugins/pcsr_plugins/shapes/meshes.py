@@ -8,6 +8,7 @@ import trimesh
 
 from pcsr import Item, Shapes, UserError
 from pcsr_plugins.shapes.soundness import check_mesh
+from pcsr_plugins.shapes.table import read_table
 
 SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl")
 SPLITS = ("train", "validation", "test")
@@ -18,20 +19,32 @@ class Meshes(Shapes):
 
     Files of one sub-folder are one group and fall to one split, so that variants of an object never straddle
     two; a file at the top is a group of its own. The split hangs on the group's name and the seed alone:
-    adding or removing files moves no other file.
+    adding or removing files moves no other file. A table may say both instead.
     """
 
-    def __init__(self, *, folder: str, validation: float = 0.1, test: float = 0.1, seed: int = 0) -> None:
-        """Look at nothing but whether the folder is there.
+    places = frozenset({"folder", "table"})
+
+    def __init__(
+        self,
+        *,
+        folder: str,
+        table: str | None = None,
+        validation: float = 0.1,
+        test: float = 0.1,
+        seed: int = 0,
+    ) -> None:
+        """Look at nothing but the table and whether the folder is there.
 
         Args:
             folder: where the files are.
+            table: a CSV file with the columns `file`, `split` and, if wanted, `group`; shares and seed then mean
+                nothing. An empty split leaves a file out.
             validation: the share of groups that validate, 0 to 1.
             test: the share of groups that test, 0 to 1.
             seed: another seed, another split.
 
         Raises:
-            UserError: no such folder, or the shares leave nothing to train on.
+            UserError: no such folder or table, or the shares leave nothing to train on.
         """
         self.folder = Path(folder).expanduser()
         self.validation, self.test, self.seed = validation, test, seed
@@ -41,12 +54,14 @@ class Meshes(Shapes):
             raise UserError(
                 f"meshes: validation {validation} and test {test} must be shares of 1, together less than 1"
             )
+        self.rows = None if table is None else read_table(Path(table).expanduser(), self.folder)
 
     def names(self, split: str) -> Sequence[str]:
         """Paths below the folder, with forward slashes, sorted.
 
         Raises:
-            UserError: an unknown split, a folder without meshes, or a split that no group fell to.
+            UserError: an unknown split, a folder without meshes, a split that no group fell to, or files that the
+                table doesn't name.
         """
         if split not in SPLITS:
             raise UserError(f"meshes has no split '{split}': it has {', '.join(SPLITS)}")
@@ -57,6 +72,15 @@ class Meshes(Shapes):
         )
         if not found:
             raise UserError(f"meshes: no {_suffixes()} file is anywhere under '{self.folder}'")
+        if self.rows is not None:
+            unnamed = sorted(set(found) - self.rows.keys())
+            if unnamed:
+                raise UserError(
+                    f"meshes: the table doesn't name {len(unnamed)} of the {len(found)} files under '{self.folder}', "
+                    f"such as '{unnamed[0]}': add them, with an empty split to leave them out"
+                )
+            # A row whose file is missing stays: it is counted among those that could not be used.
+            return sorted(name for name, row in self.rows.items() if row.split == split)
         names = [name for name in found if self._split(group_of(name)) == split]
         if not names and (split == "train" or getattr(self, split) > 0):
             groups = len({group_of(name) for name in found})
@@ -76,7 +100,17 @@ class Meshes(Shapes):
         path = self.folder / inside
         if inside.is_absolute() or ".." in inside.parts or not path.is_file():
             raise UserError(f"meshes: '{name}' is not a file under '{self.folder}'")
-        return Item(name, group_of(name), _load(path))
+        group = group_of(name) if self.rows is None or name not in self.rows else self.rows[name].group
+        return Item(name, group, _load(path))
+
+    def digest(self, name: str) -> str:
+        """Hash of the file and of its group."""
+        path = self.folder / name
+        if not path.is_file():
+            return "missing"
+        with path.open("rb") as file:
+            content = hashlib.file_digest(file, "sha256").hexdigest()
+        return content if self.rows is None else f"{content} {self.rows[name].group}"
 
     def _split(self, group: str) -> str:
         digest = hashlib.sha256(f"{self.seed}/{group}".encode()).digest()

@@ -6,7 +6,10 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float
 
-from pcsr import UserError
+from pcsr.errors import UserError
+
+EDGE_ON = 0.3
+"""A face whose normal makes less than this cosine with a ray is seen nearly edge-on by it."""
 
 
 class MeshRays:
@@ -19,7 +22,8 @@ class MeshRays:
     """
 
     def __init__(self, mesh: trimesh.Trimesh, object_size: float | None, name: str) -> None:
-        corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces, np.int64)]
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        corners = vertices[faces]
         if not len(corners):
             raise UserError(f"{name}: the mesh has no faces, so there is nothing to touch: leave it out")
         if not np.isfinite(corners).all():
@@ -31,6 +35,8 @@ class MeshRays:
         self.to_object: Float[np.ndarray, "4 4"] = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
         """Millimetres about the centre to the mesh's own frame and unit."""
         self.to_object[:3, 3] = (low + high) / 2
+        self.unit = scale
+        """The mesh's own unit, in mm."""
         self.size = extent * scale
         """Longest side of the bounding box, in mm."""
         self.reach = float(np.linalg.norm(high - low)) * scale
@@ -45,7 +51,9 @@ class MeshRays:
         self._normals = cross / np.where(double > 0, double, 1)[:, None]
         self._cumulated = np.cumsum(double) / double.sum()
         self._scene = EmbreeScene()
-        TriangleMesh(self._scene, triangles.astype(np.float32))
+        # A vertex that no face has may be anything.
+        vertices = np.nan_to_num((vertices - (low + high) / 2) * scale, posinf=0.0, neginf=0.0)
+        TriangleMesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
 
     def places(
         self, count: int, rng: np.random.Generator
@@ -69,20 +77,57 @@ class MeshRays:
         Returns:
             Heights in mm, negative below the place, -inf where the object is not met at all.
         """
-        start = places + axes * self.reach
-        faces = self._scene.run(start.astype(np.float32), -np.ascontiguousarray(axes, np.float32))
+        return self.reach - self.depths(places + axes * self.reach, -axes)
+
+    def highest(
+        self, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], sides: tuple[float, float]
+    ) -> float:
+        """No ray of `heights` along the frame's z, inside of a rectangle about a place, meets anything higher.
+
+        Cheap beside casting many rays, but only a bound: a large triangle counts with its highest corner.
+
+        Args:
+            place: in mm.
+            frame: unit axes as columns.
+            sides: of the rectangle along x and y, in mm.
+
+        Returns:
+            Height above the place in mm, -inf where no triangle comes near the rectangle.
+        """
+        first = self._corners @ frame - place @ frame
+        corners = np.stack([first, first + self._edges[0] @ frame, first + self._edges[1] @ frame])
+        # Embree finds triangles in float32: what it meets may lie beside the rectangle by that much.
+        half = np.array(sides) / 2 + 1e-5 * self.reach
+        low, high = corners[..., :2].min(0), corners[..., :2].max(0)
+        near = ((low <= half) & (high >= -half)).all(1)
+        return float(corners[..., 2].max(0)[near].max(initial=-np.inf)) + 1e-9 * self.reach
+
+    def depths(self, starts: Float[np.ndarray, "p 3"], directions: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
+        """How far along each ray the object begins, as a multiple of the ray's direction.
+
+        Args:
+            starts: in mm.
+            directions: of any length; with a length of 1 along an axis the depths are measured along it.
+
+        Returns:
+            Depths, not negative but for rounding; inf where the object is not met.
+        """
+        faces = self._scene.run(starts.astype(np.float32), np.ascontiguousarray(directions, np.float32))
         hit = np.flatnonzero(faces >= 0)
-        faces, up = faces[hit], axes[hit]
-        # Embree is float32. The triangle's plane gives the height in float64; the triangle's corners bound
-        # it, as on a wall seen edge-on the plane alone may lead far off the triangle.
-        corner, normals = self._corners[faces] - places[hit], self._normals[faces]
-        a = _dot(corner, up)
-        b, c = a + _dot(self._edges[0, faces], up), a + _dot(self._edges[1, faces], up)
-        steepness = _dot(normals, up)
-        on_plane = _dot(corner, normals) / np.where(np.abs(steepness) > 1e-12, steepness, 1e-12)
-        heights = np.full(len(places), -np.inf)
-        heights[hit] = np.clip(on_plane, np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c))
-        return heights
+        faces, along = faces[hit], directions[hit]
+        # Embree is float32. The triangle's plane gives the depth in float64.
+        corner, normals = self._corners[faces] - starts[hit], self._normals[faces]
+        steepness, square = _dot(normals, along), _dot(along, along)
+        found = _dot(corner, normals) / np.where(np.abs(steepness) > 1e-12, steepness, 1e-12)
+        # On a wall seen nearly edge-on the plane alone may lead far off the triangle: there its corners bound it.
+        edge_on = np.flatnonzero(steepness**2 < EDGE_ON**2 * square)
+        faces, along, square = faces[edge_on], along[edge_on], square[edge_on]
+        a = _dot(corner[edge_on], along) / square
+        b, c = (a + _dot(edge[faces], along) / square for edge in self._edges)
+        found[edge_on] = np.clip(found[edge_on], np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c))
+        depths = np.full(len(starts), np.inf)
+        depths[hit] = found
+        return depths
 
 
 def _dot(a: Float[np.ndarray, "p 3"], b: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:

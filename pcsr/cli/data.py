@@ -1,0 +1,145 @@
+"""`pcsr data`: build TSR-PD from any shapes, and say what such a folder holds."""
+
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pcsr.cli.options import plugin_option
+from pcsr.errors import UserError, did_you_mean
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pcsr.recipe import Recipe
+    from pcsr.registry import Registry
+
+
+@click.group()
+def data() -> None:
+    """Build data sets of clouds and touches, and say what they hold."""
+
+
+@data.command()
+@click.argument("shapes")
+@click.option(
+    "-o", "--out", "folder", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Where to put it."
+)
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A key of a recipe's section `data`, or else an option of the shapes: --set count=40 --set sampling=view "
+    "--set touch.object_size=30. May be repeated.",
+)
+@plugin_option
+@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes on this machine.  [default: all cores]")
+@click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
+def make(
+    shapes: str,
+    folder: Path,
+    overrides: tuple[str, ...],
+    registry: "Registry",
+    jobs: int | None,
+    scheduler: str | None,
+) -> None:
+    """Build a data set from SHAPES: a folder of meshes, or a part such as cad-parts.
+
+    What is there already is not built again: the same command goes on where it was stopped.
+    """
+    from rich.console import Console
+
+    from pcsr.data.build import build_split
+    from pcsr.data.plan import Plan
+    from pcsr.data.shards import read_manifest
+    from pcsr.data.workers import crew
+    from pcsr.progress import progress_bars
+
+    console = Console()
+    plan = Plan.of(_recipe(shapes, overrides, registry), registry)
+    for split, reason in plan.empty.items():
+        console.print(f"no {split} data: {reason}", style="yellow", markup=False, soft_wrap=True)
+    with progress_bars(console, hidden=False) as progress, crew(jobs, scheduler) as workers:
+        for split, names in plan.names.items():
+            task = progress.add_task(f"building the {split} data", total=len(names))
+            build_split(plan, split, folder, workers, functools.partial(progress.advance, task))
+    manifest = read_manifest(folder)
+    _print(console, folder, manifest)
+    if not any(about["objects"] for about in manifest["splits"].values()):
+        raise UserError(f"none of the objects of '{shapes}' could be used: the reasons are above")
+
+
+@data.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=None,
+    metavar="FILE",
+    help="Where to write the page of pictures.  [default: DIR/info.html]",
+)
+@click.option("--object", "name", default=None, metavar="NAME", help="The object to show.  [default: a few]")
+def info(folder: Path, picture: Path | None, name: str | None) -> None:
+    """Say what a data set holds, and show one of its objects as the paper's Fig. 4 does."""
+    from rich.console import Console
+
+    from pcsr.data.shards import read_manifest
+    from pcsr.report.data_page import write_data_page
+
+    console = Console()
+    manifest = read_manifest(folder)
+    _print(console, folder, manifest)
+    path = picture or folder / "info.html"
+    shown = write_data_page(path, folder, manifest, name)
+    console.print(f"pictures of {', '.join(shown)}: {path}", markup=False, soft_wrap=True)
+
+
+def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "Recipe":
+    from pcsr.recipe import for_data
+
+    names = registry.names("shapes")
+    if shapes in names:
+        return for_data(shapes, {}, registry, overrides)
+    if Path(shapes).is_dir():
+        return for_data("meshes", {"folder": shapes}, registry, overrides)
+    raise UserError(f"'{shapes}' is neither a folder nor shapes that pcsr knows: {did_you_mean(shapes, names)}")
+
+
+def _print(console: "Console", folder: Path, manifest: dict[str, Any]) -> None:
+    """What the manifest says, in a table, with the reasons of what was left out."""
+    from collections import Counter
+
+    from rich.table import Table
+
+    data = manifest["data"]
+    touch = {key: value for key, value in data["touch"].items() if value is not None}
+    console.print(
+        f"{folder}: {data['points']} points to {data['points'] * data['rate']} ({data['truth']}; sparse: "
+        f"{data['sampling']}), {data['touches']} touches, seed {data['seed']}, "
+        f"fingerprint {manifest['fingerprint'][:12]}",
+        markup=False,
+        soft_wrap=True,
+    )
+    console.print(f"shapes: {_plain(data['shapes'])}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
+    table = Table("split", "objects", "groups", "left out", "felt by 1, 2, … touches")
+    for split, about in manifest["splits"].items():
+        felt = "  ".join(f"{row['p50']:.1%}" for row in about["coverage"])
+        table.add_row(split, *(str(n) for n in (about["objects"], about["groups"], len(about["rejected"]))), felt)
+    console.print(table)
+    console.print("felt: the share of an object's truth that its first touches cover, median over objects", style="dim")
+    for split, about in manifest["splits"].items():
+        for reason, count in Counter(_kind(*pair) for pair in about["rejected"].items()).most_common():
+            console.print(f"left out of {split}, {count}x: {reason}", markup=False, soft_wrap=True)
+
+
+def _plain(options: dict[str, Any]) -> str:
+    return ", ".join(f"{value}" if key == "use" else f"{key} {value}" for key, value in options.items())
+
+
+def _kind(name: str, reason: str) -> str:
+    """A reason without what is only this object's: its name and numbers, so that alike ones are counted together."""
+    import re
+
+    return re.sub(r"\d[\d.,e+-]*", "…", reason.replace(name, "…"))

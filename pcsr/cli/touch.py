@@ -1,0 +1,86 @@
+"""`pcsr touch`: simulate touches on a mesh and write them as a recording."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pcsr.cli.options import plugin_option
+from pcsr.errors import UserError
+
+if TYPE_CHECKING:
+    from pcsr.registry import Registry
+
+FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("mesh", type=FILE)
+@click.option("-o", "--out", "folder", required=True, type=FILE, metavar="DIR", help="Where to put the recording.")
+@click.option("--count", type=click.IntRange(1), default=5, show_default=True, help="Touches.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Another seed, other touches.")
+@click.option("--sensor", default=None, metavar="NAME", help="A preset, such as digit or gelsight-mini.")
+@click.option("--policy", default=None, metavar="NAME", help="Where to touch: uniform, spread, sparse or grasp.")
+@click.option(
+    "--object-size",
+    default=None,
+    metavar="MM",
+    help="Longest side of the object in mm; null: the mesh is in mm.  [default: 60]",
+)
+@click.option("--cloud", type=FILE, default=None, help="What the camera sees, in the mesh's frame and unit.")
+@click.option("--source", default="digit", show_default=True, metavar="NAME", help="The touch source.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Any other option of the source: --set press=[0.5,1]. May be repeated.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace a recording that is in DIR already.")
+@plugin_option
+def touch(
+    mesh: Path,
+    folder: Path,
+    count: int,
+    seed: int,
+    sensor: str | None,
+    policy: str | None,
+    object_size: str | None,
+    cloud: Path | None,
+    source: str,
+    overrides: tuple[str, ...],
+    overwrite: bool,
+    registry: "Registry",
+) -> None:
+    """Simulate touches on MESH and write them to a folder, as a person's own recording would lie there."""
+    import numpy as np
+
+    from pcsr.clouds.formats import read_points
+    from pcsr.clouds.touch import coverage
+    from pcsr.contracts import Item, TouchSource
+    from pcsr.geometry.sampling import surface_points
+    from pcsr.recipe import for_data
+    from pcsr.recorded import write
+
+    if not mesh.is_file():
+        raise UserError(f"mesh {mesh}: there is no such file")
+    given = [f"use={source}"]
+    for key, value in (("sensor", sensor), ("policy", policy), ("object_size", object_size)):
+        given += [] if value is None else [f"{key}={value}"]
+    recipe = for_data("meshes", {"folder": str(mesh.parent)}, registry, [*given, *overrides], part="touch")
+    feeler: TouchSource = recipe.data.touch.build(registry, "touch")
+    item: Item = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
+    if cloud is not None:
+        seen = read_points(cloud)
+    else:
+        seen = surface_points(item.mesh, recipe.data.points, np.random.default_rng(seed))
+    touches = feeler.touches(item, seen, count, seed)
+    write(folder, touches, overwrite=overwrite)
+    areas = [one.contact_area for one in touches if one.contact_area is not None]
+    felt = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
+    length = item.mesh.extents.max() * touches[0].unit
+    click.echo(
+        f"{folder}: {count} touches of {mesh.name} ({length:.4g} mm long) by {touches[0].sensor}, "
+        f"{len(touches[0].points)} points each, contacts of {min(areas, default=0):.0f} to "
+        f"{max(areas, default=0):.0f} mm²{felt}"
+    )

@@ -1,0 +1,103 @@
+"""What is to be built: every object of every split, and a fingerprint of all that decides the result."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pcsr.contracts import Shapes, TouchSource
+from pcsr.errors import UserError
+from pcsr.recipe import PartSpec, Recipe, from_resolved
+from pcsr.registry import Registry
+
+FORMAT = 1
+"""Of the files; raised when they change, and with it every fingerprint."""
+SPLITS = ("train", "validation", "test")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A data set that can be built, or go on being built, anywhere."""
+
+    recipe: Recipe
+    files: tuple[Path, ...]
+    """Plugin files, which every process has to load."""
+    names: dict[str, Sequence[str]]
+    """The objects of each split; no key for a split without any."""
+    empty: dict[str, str]
+    """Why a split has no objects."""
+    fingerprint: str
+    """The same for the same data, whatever the folder, the machine and the number of processes."""
+
+    @classmethod
+    def of(cls, recipe: Recipe, registry: Registry) -> "Plan":
+        """Look at what there is to build from, and hash it.
+
+        Raises:
+            UserError: no split has any object.
+        """
+        shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
+        source: TouchSource = recipe.data.touch.build(registry, "touch")
+        names: dict[str, Sequence[str]] = {}
+        empty: dict[str, str] = {}
+        for split in SPLITS:
+            try:
+                found = shapes.names(split)
+            except UserError as error:
+                found, empty[split] = [], str(error)
+            if found:
+                names[split] = found
+            else:
+                empty.setdefault(split, f"shapes '{recipe.data.shapes.use}' have no object in the split '{split}'")
+        if not names:
+            raise UserError("; ".join(dict.fromkeys(empty.values())))
+        data = recipe.data.model_dump(mode="json")
+        decisive = {
+            "format": FORMAT,
+            "seed": recipe.data_seed,
+            "data": {key: data[key] for key in ("points", "rate", "truth", "sampling")},
+            "view": data["view"] if recipe.data.sampling == "view" else None,
+            "touches": recipe.most_touches,
+            "touch": _decisive(recipe.data.touch, source),
+            "shapes": [recipe.data.shapes.use, shapes.version],
+            "objects": {
+                split: [[name, shapes.digest(name), source.digest(name)] for name in some]
+                for split, some in names.items()
+            },
+        }
+        text = json.dumps(decisive, sort_keys=True)
+        return cls(recipe, registry.files, names, empty, hashlib.sha256(text.encode()).hexdigest())
+
+    def split(self, split: str) -> Sequence[str]:
+        """The objects of one split.
+
+        Raises:
+            UserError: there are none; the message says why.
+        """
+        if split not in self.names:
+            raise UserError(self.empty[split])
+        return self.names[split]
+
+
+def _decisive(spec: PartSpec, part: TouchSource) -> dict[str, Any]:
+    options = {key: value for key, value in spec.options.items() if key not in part.places}
+    return {"use": spec.use, "version": part.version, "options": options}
+
+
+def on_data(recipe: Recipe, manifest: dict[str, Any], folder: Path, registry: Registry) -> Recipe:
+    """A recipe on data that is built already: all but the number of touches is as the data's manifest says.
+
+    Raises:
+        UserError: the recipe asks for more touches than the data has, or the data names parts that are not installed.
+    """
+    has = manifest["data"]["touches"]
+    if recipe.most_touches > has:
+        raise UserError(
+            f"{folder} has {has} touches of each object, and '{recipe.name}' asks for {recipe.most_touches}: "
+            f"build it with --set touches={recipe.most_touches}, or lower data.touches and train.touches"
+        )
+    plain = recipe.resolved()
+    plain["data"] = {**manifest["data"], "touches": recipe.data.touches}
+    return from_resolved(plain, registry, f"{recipe.name} on {folder}")

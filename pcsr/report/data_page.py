@@ -1,0 +1,95 @@
+"""The page of a data set: what its objects look like, as Fig. 4 of the paper shows one."""
+
+import html
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pcsr.data.dataset import Split
+from pcsr.errors import UserError, did_you_mean
+from pcsr.files import write_text
+from pcsr.report.page import example_tabs, shell
+from pcsr.report.views import cube, plain, view
+
+SHOWN = 4
+"""Objects, unless one is asked for."""
+
+
+def write_data_page(path: Path, folder: Path, manifest: dict[str, Any], name: str | None = None) -> list[str]:
+    """Write a page that shows objects of a data set: truth, sparse cloud with touches, and one touch alone.
+
+    Args:
+        path: of the page.
+        folder: the data set.
+        manifest: what its manifest says.
+        name: an object to show; by default a few, spread over the first split that has any.
+
+    Returns:
+        The names of the objects shown.
+
+    Raises:
+        UserError: there is no such object, or no object at all.
+        RunError: the page can't be written.
+    """
+    from plotly.offline import get_plotlyjs
+
+    split = _chosen(folder, manifest, name)
+    rows = [_row(split, k) for k in range(len(split))]
+    body = (
+        f"<h1>{html.escape(folder.name)}</h1>"
+        f'<p class="lead">{html.escape(_statement(manifest))}</p>'
+        f'<section id="examples"><h2>Objects</h2><nav>{example_tabs(split.names)}</nav>'
+        '<div class="row"></div></section>'
+    )
+    page = shell(f"{folder.name}: data", body, {"examples": rows, "charts": {}}, plotly=get_plotlyjs())
+    write_text(path, page)
+    return list(split.names)
+
+
+def _chosen(folder: Path, manifest: dict[str, Any], name: str | None) -> Split:
+    there = [split for split, about in manifest["splits"].items() if about["objects"]]
+    if not there:
+        raise UserError(f"{folder} has no finished split with an object in it: run `pcsr data make` to its end")
+    if name is None:
+        return Split.load(folder, there[0]).spread(SHOWN)
+    known: list[str] = []
+    for split in there:
+        loaded = Split.load(folder, split)
+        if name in loaded.names:
+            return loaded.chosen([list(loaded.names).index(name)])
+        known += loaded.names
+    raise UserError(f"{folder} has no object '{name}': {_nearest(name, known)}")
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    hint = did_you_mean(name, known)
+    return hint if hint.startswith("did") else f"it has {len(known)}, such as '{known[0]}'"
+
+
+def _row(split: Split, k: int) -> dict[str, Any]:
+    """Truth; sparse cloud (blue) with the touches (red); the first touch, close up."""
+    truth, points, touches = (clouds[k].numpy() for clouds in (split.truth, split.points, split.touches))
+    felt = touches.reshape(-1, 3)
+    shown = [
+        view(f"(a) truth, {len(truth)} points", plain(truth, "truth", 1.6)),
+        view(
+            f"(b) {len(points)} points and {len(touches)} touches, {split.felt[k][-1] if len(touches) else 0:.1%} felt",
+            plain(points, "input", 2.5),
+            *([plain(felt, "touch", 2.0)] if len(felt) else []),
+        ),
+    ]
+    if len(felt):
+        alone = view(f"(c) the first touch, {len(touches[0])} points", plain(touches[0], "touch", 3.0))
+        shown.append({**alone, "range": cube(touches[0])})
+    return {"name": split.names[k], "limit": 1.0, "range": cube(truth, points), "views": shown}
+
+
+def _statement(manifest: dict[str, Any]) -> str:
+    data = manifest["data"]
+    objects = ", ".join(f"{about['objects']} {split}" for split, about in manifest["splits"].items())
+    return (
+        f"Objects: {objects}, of {data['shapes']['use']}. {data['points'] * data['rate']} true points "
+        f"({data['truth']}), {data['points']} sparse ones ({data['sampling']}), {data['touches']} touches by "
+        f"{data['touch']['use']}, seed {data['seed']}; fingerprint {manifest['fingerprint'][:12]}, "
+        f"{manifest['made_by']}. Each object fills the unit sphere. Turning one view turns all."
+    )

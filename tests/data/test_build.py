@@ -1,0 +1,206 @@
+"""A build that is stopped goes on, and ends with the bytes of one that was not."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import torch
+
+from pcsr import RunError, UserError
+from pcsr.data import build as module
+from pcsr.data.build import build_split, load_or_build
+from pcsr.data.dataset import Split
+from pcsr.data.plan import Plan
+from pcsr.data.shards import MANIFEST, read_manifest, shard_path
+from pcsr.data.workers import Crew, crew
+
+ALONE = Crew(None, 1)
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch):
+    monkeypatch.setattr(module, "SHARD", 4)
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_a_split_is_built_in_shards_and_read_back(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=10"), registry)
+    counts = []
+    split = load_or_build(plan, "train", tmp_path, ALONE, counts.append)
+    assert split.names == list(plan.names["train"])
+    assert sum(counts) == 10
+    assert sorted(p.name for p in tmp_path.glob("*.safetensors")) == [f"train-0000{i}.safetensors" for i in range(3)]
+    assert split.truth[9].shape == (64, 3)
+    assert split.points[9].shape == (16, 3)
+    assert split.touches[9].shape == (2, 20, 3)
+    # Ball 9 has radius 10, and its truth fills the unit sphere.
+    assert float(split.truth[9].norm(dim=-1).max()) == pytest.approx(1, abs=1e-6)
+    assert split.spheres[9].radius == pytest.approx(10, rel=0.1)
+    assert 0 < split.coverage(1) < split.coverage(2) < 1
+    assert split.coverage(0) == 0
+    assert split.about["fingerprint"] == plan.fingerprint
+
+
+def test_what_is_there_is_not_made_again(recipe, registry, tmp_path):
+    mark = tmp_path / "made"
+    plan = Plan.of(recipe("count=10", mark=str(mark)), registry)
+    build_split(plan, "train", tmp_path / "data", ALONE)
+    assert len(mark.read_text().split()) == 10
+    build_split(plan, "train", tmp_path / "data", ALONE)
+    assert len(mark.read_text().split()) == 10
+    shard_path(tmp_path / "data", "train", 1).unlink()
+    build_split(plan, "train", tmp_path / "data", ALONE)
+    assert mark.read_text().split()[10:] == [f"train/00{i}" for i in range(4, 8)]
+
+
+@pytest.mark.parametrize("damage", ["torn", "foreign"])
+def test_a_damaged_shard_is_made_again_before_the_split_is_done(recipe, registry, tmp_path, damage):
+    plan = Plan.of(recipe("count=10"), registry)
+    build_split(plan, "train", tmp_path, ALONE)
+    whole = files(tmp_path)
+    path = shard_path(tmp_path, "train", 1)
+    path.write_bytes(whole[path.name][:100] if damage == "torn" else b"something else")
+    (tmp_path / MANIFEST).unlink()
+    build_split(plan, "train", tmp_path, ALONE)
+    assert files(tmp_path) == whole
+
+
+def test_a_stop_at_any_object_changes_no_byte(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=10"), registry)
+    build_split(plan, "train", tmp_path / "whole", ALONE)
+    for stop in (1, 4, 6, 10):
+        done = 0
+
+        def advance(count, stop=stop):
+            nonlocal done
+            done += count
+            if done >= stop:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            build_split(plan, "train", tmp_path / str(stop), ALONE, advance)
+        assert len(list((tmp_path / str(stop)).glob("*.safetensors"))) == (stop - 1) // 4
+        build_split(plan, "train", tmp_path / str(stop), ALONE)
+        assert files(tmp_path / str(stop)) == files(tmp_path / "whole")
+
+
+def test_two_processes_make_the_same_bytes_as_one(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=12", "held_out=2", bad=[5]), registry)
+    for split in ("train", "test"):
+        build_split(plan, split, tmp_path / "one", ALONE)
+    with crew(2) as two:
+        for split in ("train", "test"):
+            build_split(plan, split, tmp_path / "two", two)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_every_object_is_in_the_data_or_among_the_rejected_with_its_reason(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=10", bad=[2, 4, 5, 6, 7]), registry)
+    split = load_or_build(plan, "train", tmp_path, ALONE)
+    about = read_manifest(tmp_path)["splits"]["train"]
+    assert set(split.names) | set(about["rejected"]) == set(plan.names["train"])
+    assert about["rejected"] == {f"train/00{i}": f"train/00{i}: a bad ball" for i in (2, 4, 5, 6, 7)}
+    assert [shard["objects"] for shard in about["shards"]] == [3, 0, 2]
+    assert split.about["rejected"] == about["rejected"]
+    assert about["coverage"][1]["touches"] == 2
+    assert about["coverage"][1]["mean"] == pytest.approx(split.coverage(2))
+
+
+def test_a_split_without_a_usable_object_is_kept_and_said(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=2", bad=[0, 1]), registry)
+    with pytest.raises(UserError, match="none of the objects of the split 'train' could be used: train/000: a bad"):
+        load_or_build(plan, "train", tmp_path, ALONE)
+    assert len(read_manifest(tmp_path)["splits"]["train"]["rejected"]) == 2
+
+
+def test_a_fault_of_a_plugin_costs_one_object_and_is_tried_again(recipe, registry, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = Plan.of(recipe("count=10", "touch.fault=train/006"), registry)
+    build_split(plan, "train", tmp_path / "data", ALONE)
+    about = read_manifest(tmp_path / "data")["splits"]["train"]
+    assert about["rejected"] == {"train/006": "train/006: ZeroDivisionError: a slip of the plugin"}
+    assert (about["faults"], about["objects"]) == (1, 9)
+    (tmp_path / "train-006").touch()  # mended
+    build_split(plan, "train", tmp_path / "data", ALONE)
+    about = read_manifest(tmp_path / "data")["splits"]["train"]
+    assert (about["faults"], about["objects"], about["rejected"]) == (0, 10, {})
+
+
+def test_a_folder_of_other_data_is_left_alone(recipe, registry, tmp_path):
+    build_split(Plan.of(recipe("count=4"), registry), "train", tmp_path, ALONE)
+    before = files(tmp_path)
+    with pytest.raises(UserError, match="holds other data .* choose another folder, or delete this one"):
+        build_split(Plan.of(recipe("count=5"), registry), "train", tmp_path, ALONE)
+    assert files(tmp_path) == before
+
+
+def test_splits_are_built_one_by_one_into_one_manifest(recipe, registry, tmp_path):
+    plan = Plan.of(recipe("count=2", "held_out=1"), registry)
+    for split in ("test", "train", "validation"):
+        build_split(plan, split, tmp_path, ALONE)
+    manifest = read_manifest(tmp_path)
+    assert list(manifest["splits"]) == ["train", "validation", "test"]
+    assert manifest["fingerprint"] == plan.fingerprint
+    assert manifest["data"]["touch"]["use"] == "caps"
+    assert manifest["splits"]["train"]["sensors"] == ["cap"]
+
+
+def test_touches_of_unequal_size_are_refused_by_name(recipe, registry, tmp_path):
+    with pytest.raises(UserError, match="train-00000.*a touch source must give all alike"):
+        build_split(Plan.of(recipe("count=4", "touch.uneven=true"), registry), "train", tmp_path, ALONE)
+
+
+def test_a_full_disk_is_one_line_and_loses_nothing(recipe, registry, tmp_path, monkeypatch):
+    plan = Plan.of(recipe("count=10"), registry)
+    real, calls = os.replace, []
+
+    def full(source, target):
+        calls.append(target)
+        if str(target).endswith("00001.safetensors"):
+            raise OSError(28, "No space left on device")
+        real(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(RunError, match="00001.safetensors could not be written: No space left"):
+            build_split(plan, "train", tmp_path, ALONE)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [MANIFEST, "train-00000.safetensors"]
+    build_split(plan, "train", tmp_path, ALONE)
+    assert len(Split.load(tmp_path, "train")) == 10
+
+
+def test_what_is_read_is_mapped_not_copied(recipe, registry, tmp_path):
+    split = load_or_build(Plan.of(recipe("count=4"), registry), "train", tmp_path, ALONE)
+    shared = {cloud.untyped_storage().data_ptr() for cloud in split.truth}
+    assert len(shared) == 1
+    assert torch.equal(split.truth[0], Split.load(tmp_path, "train").truth[0])
+
+
+def test_a_kill_in_the_middle_then_the_same_command_gives_the_same_bytes(world, tmp_path):
+    command = [
+        sys.executable, "-m", "pcsr.cli", "data", "make", "balls", "--plugin", str(world), "--set", "touch=caps",
+        "--set", "points=16", "--set", "rate=64", "--set", "touches=2", "--set", "count=200", "--jobs", "2",
+    ]  # fmt: skip
+    for folder in ("whole", "killed"):
+        made = tmp_path / folder
+        process = subprocess.Popen(
+            [*command, "-o", str(made)], start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        if folder == "killed":
+            end = time.monotonic() + 60
+            while not list(made.glob("train-*.safetensors")) and time.monotonic() < end:
+                time.sleep(0.005)
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            assert "train" not in json.loads((made / MANIFEST).read_text())["splits"], "it was killed too late"
+            process = subprocess.Popen([*command, "-o", str(made)], stdout=subprocess.DEVNULL)
+        assert process.wait(timeout=120) == 0
+    whole, killed = files(tmp_path / "whole"), files(tmp_path / "killed")
+    assert {name: data for name, data in killed.items() if not name.startswith(".")} == whole
