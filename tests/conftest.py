@@ -1,7 +1,65 @@
-"""Settings for every test."""
+"""Settings for every test, and a small world to build data from: balls, caps of them, objects that fail."""
 
+import pytest
 from hypothesis import settings
 
 # How long an example takes depends on who else uses the machine, so no example fails for being slow.
 settings.register_profile("pcsr", deadline=None)
 settings.load_profile("pcsr")
+
+WORLD = """
+import os
+import numpy as np
+import trimesh
+from pcsr import Item, Shapes, Touch, TouchSource, UserError, hookimpl
+
+
+class Balls(Shapes):
+    def __init__(self, *, count: int = 10, held_out: int = 0, bad: tuple[int, ...] = (), mark: str = "") -> None:
+        self.counts = {"train": count, "validation": held_out, "test": held_out}
+        self.bad, self.mark = bad, mark
+
+    def names(self, split):
+        return [f"{split}/{i:03d}" for i in range(self.counts[split])]
+
+    def item(self, name):
+        number = int(name[-3:])
+        if self.mark:  # so that a test sees who was made
+            with open(self.mark, "a") as file:
+                file.write(name + "\\n")
+        if number in self.bad:
+            raise UserError(f"{name}: a bad ball")
+        return Item(name, "ball", trimesh.creation.icosphere(subdivisions=1, radius=1.0 + number))
+
+    def digest(self, name):
+        return ""
+
+
+class Caps(TouchSource):
+    version = 1
+
+    def __init__(self, *, points: int = 20, fault: str = "", uneven: bool = False) -> None:
+        self.points, self.fault, self.uneven = points, fault, uneven
+
+    def touches(self, item, cloud, count, seed):
+        if item.name == self.fault and not os.path.exists(self.fault.replace("/", "-")):
+            raise ZeroDivisionError("a slip of the plugin")
+        rng = np.random.default_rng(seed)
+        vertices = item.mesh.vertices
+        near = [vertices[np.linalg.norm(vertices - vertices[i], axis=1).argsort()[:12]] for i in range(count)]
+        points = self.points + self.uneven * int(item.name[-1])
+        return [Touch.of_one_finger(cap, np.eye(4), 1.0, "cap").thinned(points, rng) for cap in near]
+
+
+@hookimpl
+def pcsr_register(register):
+    register.shapes("balls", Balls)
+    register.touch("caps", Caps)
+"""
+
+
+@pytest.fixture(scope="session")
+def world(tmp_path_factory):
+    path = tmp_path_factory.mktemp("world") / "world.py"
+    path.write_text(WORLD)
+    return path

@@ -176,3 +176,29 @@ def test_two_processes_train_the_weights_of_one(tmp_path):
         trained.append(load_file(path))
     one, two = trained
     assert all(torch.allclose(one[name], two[name], atol=1e-4) for name in one)
+
+
+def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
+    pcsr = str(Path(sys.executable).with_name("pcsr"))
+
+    def call(*words):
+        done = subprocess.run([pcsr, *map(str, words), "--plugin", world], capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def settings(*those):
+        return [word for setting in those for word in ("--set", setting)]
+
+    made = settings("touch=caps", "points=64", "rate=4", "touches=2", "count=4", "held_out=2", "seed=5")
+    call("data", "make", "balls", "-o", tmp_path / "data", *made)
+    before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
+    small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
+    run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
+    assert "midpoint" in call(*run, *small)
+    (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
+    told = json.loads(results.read_text())
+    manifest = json.loads((tmp_path / "data" / "manifest.json").read_text())
+    assert told["data"]["fingerprint"] == manifest["fingerprint"]
+    assert (told["data"]["shapes"], told["data"]["points"], told["recipe"]["data"]["seed"]) == ("balls", 64, 5)
+    assert not (tmp_path / "runs" / "data").exists()
+    assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before

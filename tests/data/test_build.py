@@ -136,7 +136,7 @@ def test_a_fault_of_a_plugin_costs_one_object_and_is_tried_again(recipe, registr
 def test_a_folder_of_other_data_is_left_alone(recipe, registry, tmp_path):
     build_split(Plan.of(recipe("count=4"), registry), "train", tmp_path, ALONE)
     before = files(tmp_path)
-    with pytest.raises(UserError, match="holds other data .* choose another folder, or delete this one"):
+    with pytest.raises(UserError, match=r"holds other data .* choose another folder, or delete this one"):
         build_split(Plan.of(recipe("count=5"), registry), "train", tmp_path, ALONE)
     assert files(tmp_path) == before
 
@@ -153,7 +153,7 @@ def test_splits_are_built_one_by_one_into_one_manifest(recipe, registry, tmp_pat
 
 
 def test_touches_of_unequal_size_are_refused_by_name(recipe, registry, tmp_path):
-    with pytest.raises(UserError, match="train-00000.*a touch source must give all alike"):
+    with pytest.raises(UserError, match=r"train-00000.*a touch source must give all alike"):
         build_split(Plan.of(recipe("count=4", "touch.uneven=true"), registry), "train", tmp_path, ALONE)
 
 
@@ -169,7 +169,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(recipe, registry, tmp_path, m
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", full)
-        with pytest.raises(RunError, match="00001.safetensors could not be written: No space left"):
+        with pytest.raises(RunError, match=r"00001\.safetensors could not be written: No space left"):
             build_split(plan, "train", tmp_path, ALONE)
     assert sorted(p.name for p in tmp_path.iterdir()) == [MANIFEST, "train-00000.safetensors"]
     build_split(plan, "train", tmp_path, ALONE)

@@ -45,7 +45,7 @@ def test_only_a_few_results_wait_to_be_taken():
 
 
 def test_a_process_that_dies_is_one_line():
-    with pytest.raises(RunError, match="a process that was building data died.*--jobs 1"), crew(2) as two:
+    with pytest.raises(RunError, match=r"a process that was building data died.*--jobs 1"), crew(2) as two:
         list(two.map(die, range(4)))
 
 

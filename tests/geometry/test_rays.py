@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from pcsr import UserError
-from pcsr_plugins.touch.rays import MeshRays
+from pcsr.errors import UserError
+from pcsr.geometry.rays import MeshRays
 
 
 def highest(triangles, place, axis):
@@ -82,3 +82,70 @@ def test_a_mesh_without_surface_is_named(vertices, faces, reason):
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     with pytest.raises(UserError, match=f"^shelf-7: the mesh has .*{reason}"):
         MeshRays(mesh, 60.0, "shelf-7")
+
+
+def slow_depth(triangles, start, direction):
+    """The first crossing of a ray with any triangle, in multiples of its direction, one triangle at a time."""
+    depths = [np.inf]
+    for a, b, c in triangles:
+        matrix = np.column_stack([b - a, c - a, -direction])
+        if abs(np.linalg.det(matrix)) < 1e-12:
+            continue
+        u, v, depth = np.linalg.solve(matrix, start - a)
+        if u >= 0 and v >= 0 and u + v <= 1 and depth >= 0:
+            depths.append(depth)
+    return min(depths)
+
+
+def test_depths_agree_with_solving_every_triangle_from_inside_and_outside():
+    rng = np.random.default_rng(1)
+    mesh = trimesh.Trimesh(rng.normal(size=(45, 3)), np.arange(45).reshape(15, 3), process=False)
+    rays = MeshRays(mesh, None, "triangles")
+    starts = rng.uniform(-1, 1, (200, 3))
+    directions = rng.normal(size=(200, 3)) * 10 ** rng.uniform(-1, 1, (200, 1))
+    slow = [slow_depth(mesh.triangles - mesh.bounds.mean(0), *ray) for ray in zip(starts, directions, strict=True)]
+    assert np.isfinite(slow).sum() > 30
+    assert np.isinf(slow).sum() > 30
+    found = rays.depths(starts, directions)
+    assert np.array_equal(np.isfinite(found), np.isfinite(slow))
+    np.testing.assert_allclose(found, slow, rtol=1e-5, atol=1e-6)
+
+
+def test_depths_are_multiples_of_the_direction():
+    rays = MeshRays(trimesh.creation.box((10, 10, 10)), None, "box")
+    starts = np.full((3, 3), [0.0, 0, 25])
+    directions = np.array([[0, 0, -1.0], [0.04, 0, -2], [0, 0, 4]])
+    np.testing.assert_allclose(rays.depths(starts, directions), [20, 10, np.inf])
+    assert len(rays.depths(starts[:0], directions[:0])) == 0
+
+
+def test_nothing_inside_a_rectangle_is_higher_than_its_bound():
+    rng = np.random.default_rng(0)
+    rays = MeshRays(trimesh.creation.torus(20, 6), None, "torus")
+    for place in rng.uniform(-20, 20, (30, 3)):
+        frame, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        sides = tuple(rng.uniform(2, 20, 2).tolist())
+        inside = (rng.random((500, 2)) - 0.5) * sides
+        heights = rays.heights(place + inside @ frame[:, :2].T, np.broadcast_to(frame[:, 2], (500, 3)))
+        bound = rays.highest(place, frame, sides)
+        assert bound >= heights.max()
+        if np.isfinite(heights).all():
+            assert bound < heights.max() + 3  # triangles of a torus are small
+
+
+def test_a_bound_counts_the_highest_corner_of_a_triangle_and_nothing_beside_the_rectangle():
+    wedge = trimesh.Trimesh([[0, 0, 0], [10, 0, 0], [0, 10, 5]], [[0, 1, 2]], process=False)
+    rays = MeshRays(wedge, None, "wedge")  # centred: its middle is at the origin
+    assert rays.highest(np.zeros(3), np.eye(3), (1.0, 1.0)) == pytest.approx(2.5)
+    assert rays.highest(np.array([0, 0, 1.0]), np.eye(3), (1.0, 1.0)) == pytest.approx(1.5)
+    assert rays.highest(np.array([7.0, 0, 0]), np.eye(3), (1.0, 1.0)) == -np.inf
+    assert rays.highest(np.zeros(3), np.diag([1.0, -1, -1]), (1.0, 1.0)) == pytest.approx(2.5)
+
+
+def test_vertices_of_no_face_and_the_unit_are_no_trouble():
+    box = trimesh.creation.box((2, 2, 2))
+    mesh = trimesh.Trimesh([*box.vertices, [np.nan, np.inf, 1e9]], box.faces, process=False)
+    rays = MeshRays(mesh, 60.0, "box")
+    assert rays.unit == pytest.approx(30)
+    np.testing.assert_allclose(rays.to_object, np.diag([1 / 30, 1 / 30, 1 / 30, 1]))
+    np.testing.assert_allclose(rays.heights(np.zeros((1, 3)), np.array([[0, 0, 1.0]])), [30.0])

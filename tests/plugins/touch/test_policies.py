@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pcsr_plugins.touch.policies import NEIGHBOURS, OPPOSING, farthest_first, opposing, order
+
+NOTHING = np.zeros((0, 3))
+
+
+def cloud(count, seed=0):
+    return np.random.default_rng(seed).normal(size=(count, 3))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 30), st.integers(1, 12), st.integers(1, 5), st.integers(0, 99))
+def test_farthest_first_agrees_with_all_distances(places, known, neighbours, seed):
+    at, about = cloud(places, seed), cloud(known, seed + 100)
+    all_distances = np.sort(np.linalg.norm(at[:, None] - about[None], axis=-1), axis=1)
+    means = all_distances[:, :neighbours].mean(1)
+    found = farthest_first(at, about, neighbours)
+    assert sorted(found) == list(range(places))
+    np.testing.assert_allclose(means[found], np.sort(means)[::-1])
+
+
+def test_equal_places_stay_in_the_order_in_which_they_were_drawn():
+    at = np.tile([[1.0, 0, 0], [3.0, 0, 0]], (5, 1))
+    assert list(farthest_first(at, np.zeros((1, 3)), 1)) == [1, 3, 5, 7, 9, 0, 2, 4, 6, 8]
+
+
+@pytest.mark.parametrize("policy", ["uniform", "spread", "sparse", "grasp"])
+def test_who_knows_nothing_keeps_the_order(policy):
+    assert list(order(policy, cloud(6), NOTHING, NOTHING)) == list(range(6))
+
+
+def test_policies_hear_what_they_should():
+    places = np.array([[float(x), 0, 0] for x in range(10)])
+    felt, seen = np.array([[0.0, 0, 0]]), np.array([[9.0, 0, 0]])
+    for policy in ("uniform", "grasp"):
+        assert list(order(policy, places, felt, seen)) == list(range(10))
+    assert list(order("spread", places, felt, seen)) == list(range(9, -1, -1))
+    assert list(order("spread", places, NOTHING, seen)) == list(range(10))
+    # The nearest few of both clouds count: here all of them.
+    near = order("sparse", places, np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
+    assert list(near) == list(range(9, -1, -1))
+
+
+def test_sparse_looks_at_more_than_the_nearest_point():
+    stray = np.array([[10.0, 0, 0]])
+    crowd = np.random.default_rng(0).normal(scale=0.5, size=(50, 3))
+    places = np.array([[0.0, 0, 0], [10.0, 0.1, 0]])
+    assert NEIGHBOURS > 1
+    assert list(order("sparse", places, stray, crowd)) == [1, 0]
+    assert list(farthest_first(places, np.concatenate([crowd, stray]), NEIGHBOURS)) == [1, 0]
+
+
+@pytest.mark.parametrize("housing", [(27.0, 18.0), (20.0, 30.0), (28.0, 28.0)])
+@pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])
+def test_opposing_fingers_stand_side_by_side_against_the_thumb(housing, angle):
+    frame, _ = np.linalg.qr(cloud(3, 5))
+    frame[:, 2] = np.cross(frame[:, 0], frame[:, 1])
+    place = np.array([3.0, -2.0, 7.0])
+    starts, axes = opposing(place, frame, housing, 20.0, angle)
+    assert starts.shape == (OPPOSING, 3)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1)
+    np.testing.assert_allclose(axes[:, 2], -frame[:, 2], atol=1e-12)
+    np.testing.assert_allclose(starts[1], place)
+    row = (starts[2] - starts[1]) / 20
+    np.testing.assert_allclose(starts[1] - starts[0], 20 * row, atol=1e-9)
+    assert row @ frame[:, 2] == pytest.approx(0, abs=1e-12)
+    np.testing.assert_allclose([row @ frame[:, 0], row @ frame[:, 1]], [np.cos(angle), np.sin(angle)], atol=1e-12)
+    shorter = 0 if housing[0] < housing[1] else 1
+    assert abs(axes[:, shorter] @ row) == pytest.approx(1)
