@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check clean
+.PHONY: run test check bench clean
 
 run: .venv/.installed
 	$(BIN)/pcsr run recipes/tapsr.yaml
@@ -14,6 +14,9 @@ check: .venv/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: .venv/.installed
+	$(BIN)/python -m pytest $(or $(ARGS),benchmarks) --benchmark-columns=mean,stddev,rounds --benchmark-verbose --benchmark-min-rounds=3
 
 # pip 25.1 is the first that reads [dependency-groups].
 .venv/.installed: pyproject.toml constraints.txt
