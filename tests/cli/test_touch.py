@@ -1,0 +1,110 @@
+"""`pcsr touch`, run as a person would run it; what it writes is what was simulated."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from pcsr import Item
+from pcsr.cli import pcsr
+from pcsr.recorded import read
+from pcsr_plugins.touch.digit import Digit
+
+OPTIONS = ("points", "finger", "poses", "unit", "sensor", "contact_area")
+
+
+@pytest.fixture
+def part(tmp_path):
+    path = tmp_path / "part.stl"
+    trimesh.creation.torus(0.03, 0.012, major_sections=60, minor_sections=30).export(path)
+    return path
+
+
+def touch(*arguments):
+    return CliRunner().invoke(pcsr, ["touch", *map(str, arguments)])
+
+
+def same(one, other):
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options"),
+    [
+        ([], {}),
+        (["--sensor", "gelsight-mini", "--policy", "spread"], {"sensor": "gelsight-mini", "policy": "spread"}),
+        (["--sensor", "smith-2021", "--object-size", "320"], {"sensor": "smith-2021", "object_size": 320.0}),
+        (["--policy", "grasp", "--set", "rotation_noise=1.0"], {"policy": "grasp", "rotation_noise": 1.0}),
+        (["--set", "press=[0.4,0.6]", "--set", "blur=0.2"], {"press": (0.4, 0.6), "blur": 0.2}),
+    ],
+)
+def test_what_is_read_back_is_what_was_felt_to_the_last_bit(part, tmp_path, arguments, options):
+    done = touch(part, "-o", tmp_path / "touches", "--count", 3, "--seed", 4, *arguments)
+    assert done.exit_code == 0, done.output
+    mesh = trimesh.load(part, process=False)
+    mesh.merge_vertices(merge_norm=True)
+    expected = Digit(**options).touches(Item("part.stl", "part.stl", mesh), np.zeros((1, 3)), 3, 4)
+    recording = read(tmp_path / "touches")
+    assert len(recording.touches) == 3
+    assert recording.skipped == {}
+    assert all(same(*pair) for pair in zip(recording.touches, expected, strict=True))
+
+
+def test_it_says_what_was_felt(part, tmp_path):
+    done = touch(part, "-o", tmp_path / "touches", "--count", 2)
+    assert "2 touches of part.stl (60 mm long) by digit, 512 points each, contacts of " in done.output
+    assert "% of its surface" in done.output
+
+
+def test_the_sparse_policy_looks_at_the_cloud(part, tmp_path):
+    mesh = trimesh.load(part)
+    points = mesh.sample(3000, seed=0)
+    np.save(tmp_path / "half.npy", points[points[:, 0] > 0])
+    command = (part, "-o", tmp_path / "touches", "--count", 3, "--policy", "sparse", "--cloud", tmp_path / "half.npy")
+    assert touch(*command).exit_code == 0
+    assert all(one.points[:, 0].mean() < 0 for one in read(tmp_path / "touches").touches)
+
+
+def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
+    command = (part, "-o", tmp_path / "touches", "--count", 1)
+    assert touch(*command).exit_code == 0
+    before = json.loads((tmp_path / "touches" / "touches.json").read_text())
+    again = touch(*command, "--seed", 1)
+    assert again.exit_code == 2
+    assert "holds a recording already" in again.output
+    assert json.loads((tmp_path / "touches" / "touches.json").read_text()) == before
+    assert touch(*command, "--seed", 1, "--overwrite").exit_code == 0
+    assert json.loads((tmp_path / "touches" / "touches.json").read_text()) != before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--sensor", "digti"], "sensor: input should be 'digit', 'digit-tacto'"),
+        (["--set", "pres=[0.4,0.6]"], "touch 'digit' takes no 'pres': did you mean 'press'?"),
+        (["--object-size", "null"], "part.stl is 0.084 mm long, smaller than the gel"),
+        (["--source", "recordde"], "there is no touch 'recordde': did you mean 'recorded'?"),
+        (["--cloud", "no.ply"], "no.ply"),
+    ],
+)
+def test_a_mistake_is_one_line_and_writes_nothing(part, tmp_path, arguments, said):
+    done = touch(part, "-o", tmp_path / "touches", *arguments)
+    assert done.exit_code == 2
+    assert said in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    assert not (tmp_path / "touches").exists()
+
+
+def test_a_mesh_that_is_not_there_is_named(tmp_path):
+    done = touch(tmp_path / "no.stl", "-o", tmp_path / "touches")
+    assert done.exit_code == 2
+    assert "no.stl: there is no such file" in done.output
+
+
+def test_a_cloud_of_points_is_no_mesh(tmp_path):
+    trimesh.PointCloud(np.eye(3)).export(tmp_path / "cloud.ply")
+    done = touch(tmp_path / "cloud.ply", "-o", tmp_path / "touches")
+    assert done.exit_code == 2
+    assert "cloud.ply has no faces" in done.output
