@@ -1,34 +1,82 @@
 """One touch: the patch of surface that a fingertip felt, and where the finger was."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import KDTree
+
+from pcsr.errors import UserError
 
 
 @dataclass(frozen=True)
 class Touch:
     """The points that one touch felt, in the object's frame and unit.
 
-    `pose` maps the sensor's frame (metric, unit `mm`) to the object's: its rotation part carries the scale
-    between millimetres and the object's unit.
+    Most touches are one finger's. A grasp is one touch too, of several fingers at once.
     """
 
     points: Float[np.ndarray, "m 3"]
     """Contact points in the object's frame and unit."""
-    pose: Float[np.ndarray, "4 4"]
-    """Sensor to object; the sensor looks along its own -z, in millimetres."""
+    finger: Int[np.ndarray, " m"]
+    """Which finger felt each point: an index into `poses`; all 0 where one finger touches."""
+    poses: Float[np.ndarray, "fingers 4 4"]
+    """For each finger, sensor to object: from millimetres in the sensor's frame to the object's frame and unit.
+
+    A sensor's origin lies on its face, and it looks along its own -z. Empty where nobody recorded the poses.
+    """
+    unit: float
+    """The object's unit in millimetres: 1000 where it is the metre."""
     sensor: str
     """Name of the sensor that felt it."""
-    contact_area: float
-    """Area of the contact in the gel's plane, in square millimetres."""
+    contact_area: float | None
+    """Area of the contact in the planes of the gels, in square millimetres; None where nobody measured it."""
 
-    @property
-    def scale(self) -> float:
-        """Length of one millimetre in the object's unit."""
-        return float(np.cbrt(abs(np.linalg.det(self.pose[:3, :3]))))
+    @classmethod
+    def of_one_finger(
+        cls,
+        points: Float[np.ndarray, "m 3"],
+        pose: Float[np.ndarray, "4 4"] | None,
+        unit: float,
+        sensor: str,
+        contact_area: float | None = None,
+    ) -> "Touch":
+        """The usual case."""
+        poses = np.zeros((0, 4, 4)) if pose is None else np.asarray(pose, np.float64)[None]
+        return cls(np.asarray(points, np.float64), np.zeros(len(points), np.int64), poses, unit, sensor, contact_area)
+
+    @classmethod
+    def of_fingers(cls, fingers: Sequence["Touch"]) -> "Touch":
+        """Several fingers at once: a grasp. Their units must be one.
+
+        Raises:
+            UserError: no finger at all, or fingers in different units.
+        """
+        if len({touch.unit for touch in fingers}) != 1:
+            raise UserError(f"the fingers of a grasp need one unit, got {[touch.unit for touch in fingers]} mm")
+        before = np.cumsum([0, *(max(1, len(touch.poses)) for touch in fingers)])
+        areas = [touch.contact_area for touch in fingers if touch.contact_area is not None]
+        return cls(
+            points=np.concatenate([touch.points for touch in fingers]),
+            finger=np.concatenate([touch.finger + first for touch, first in zip(fingers, before, strict=False)]),
+            poses=np.concatenate([touch.poses for touch in fingers]),
+            unit=fingers[0].unit,
+            sensor="+".join(dict.fromkeys(touch.sensor for touch in fingers)),
+            contact_area=sum(areas) if len(areas) == len(fingers) else None,
+        )
+
+    def thinned(self, count: int, rng: np.random.Generator) -> "Touch":
+        """Exactly `count` of its points, drawn at random; where there are fewer, each is repeated equally often.
+
+        Raises:
+            UserError: it has no points.
+        """
+        n = len(self.points)
+        if n == 0:
+            raise UserError(f"a touch by '{self.sensor}' felt no points: there is nothing to draw {count} from")
+        drawn = np.concatenate([rng.permutation(n) for _ in range(-(-count // n))])[:count]
+        return replace(self, points=self.points[drawn], finger=self.finger[drawn])
 
 
 def coverage(touches: Sequence[Touch], area: float) -> float:
@@ -40,6 +88,9 @@ def coverage(touches: Sequence[Touch], area: float) -> float:
     Args:
         touches: of one object.
         area: the object's whole surface, in its own unit squared, as `trimesh.Trimesh.area` gives it.
+
+    Raises:
+        UserError: the contact area of a touch is unknown.
     """
     felt = 0.0
     for index, touch in enumerate(touches):
@@ -47,8 +98,16 @@ def coverage(touches: Sequence[Touch], area: float) -> float:
         for earlier in touches[:index]:
             # A disc about each of its points, four times its share of the contact: gaps between points are
             # rarer than 2 %, and the contact grows by little.
-            radius = np.sqrt(4 * earlier.contact_area / (np.pi * len(earlier.points))) * earlier.scale
+            radius = np.sqrt(4 * _area(earlier, index) / (np.pi * len(earlier.points))) / earlier.unit
             distance, _ = KDTree(earlier.points).query(touch.points, distance_upper_bound=radius)
             new &= ~np.isfinite(distance)
-        felt += touch.contact_area * touch.scale**2 * float(new.mean())
+        felt += _area(touch, index) / touch.unit**2 * float(new.mean())
     return min(1.0, felt / area)
+
+
+def _area(touch: Touch, index: int) -> float:
+    if touch.contact_area is None:
+        raise UserError(
+            f"the contact area of touch {index} by '{touch.sensor}' is not known: give it to get a coverage"
+        )
+    return touch.contact_area

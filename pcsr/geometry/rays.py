@@ -37,6 +37,8 @@ class MeshRays:
         self.to_object[:3, 3] = (low + high) / 2
         self.unit = scale
         """The mesh's own unit, in mm."""
+        self.faces = len(faces)
+        """How many triangles it has."""
         self.size = extent * scale
         """Longest side of the bounding box, in mm."""
         self.reach = float(np.linalg.norm(high - low)) * scale
@@ -79,28 +81,18 @@ class MeshRays:
         """
         return self.reach - self.depths(places + axes * self.reach, -axes)
 
-    def highest(
-        self, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], sides: tuple[float, float]
-    ) -> float:
-        """No ray of `heights` along the frame's z, inside of a rectangle about a place, meets anything higher.
-
-        Cheap beside casting many rays, but only a bound: a large triangle counts with its highest corner.
+    def boxes(
+        self, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"]
+    ) -> tuple[Float[np.ndarray, "f 3"], Float[np.ndarray, "f 3"]]:
+        """Bounds of every triangle along three axes, from a place, in mm: the lower and the upper ones.
 
         Args:
             place: in mm.
             frame: unit axes as columns.
-            sides: of the rectangle along x and y, in mm.
-
-        Returns:
-            Height above the place in mm, -inf where no triangle comes near the rectangle.
         """
-        first = self._corners @ frame - place @ frame
-        corners = np.stack([first, first + self._edges[0] @ frame, first + self._edges[1] @ frame])
-        # Embree finds triangles in float32: what it meets may lie beside the rectangle by that much.
-        half = np.array(sides) / 2 + 1e-5 * self.reach
-        low, high = corners[..., :2].min(0), corners[..., :2].max(0)
-        near = ((low <= half) & (high >= -half)).all(1)
-        return float(corners[..., 2].max(0)[near].max(initial=-np.inf)) + 1e-9 * self.reach
+        first = (self._corners - place) @ frame
+        second, third = (first + edge @ frame for edge in self._edges)
+        return np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)
 
     def depths(self, starts: Float[np.ndarray, "p 3"], directions: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
         """How far along each ray the object begins, as a multiple of the ray's direction.

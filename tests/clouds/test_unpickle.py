@@ -292,8 +292,12 @@ def test_deep_nesting_is_an_error_and_no_crash(tmp_path):
         load(lists, folder=tmp_path)
     # As a key, a tuple nested this deeply would overflow the interpreter's stack when hashed.
     key = b"\x80\x02})" + b"\x85" * 1_000_000 + b"K\x01s."
-    with pytest.raises(UserError, match=f"more than {DEEPEST} deep"):
+    with pytest.raises(UserError, match=f"nests tuples {DEEPEST + 1} deep"):
         load(key, folder=tmp_path)
+    # Not deep, but 2^30 items to hash, as each level holds the one below twice.
+    bomb = b"\x80\x02})q\x00" + b"h\x00h\x00\x86q\x00" * 30 + b"K\x01s."
+    with pytest.raises(UserError, match=r"nests tuples \d+ deep with \d{8} items"):
+        load(bomb, folder=tmp_path)
     fine = ()
     for _ in range(DEEPEST - 1):
         fine = (fine, 1)

@@ -119,27 +119,17 @@ def test_depths_are_multiples_of_the_direction():
     assert len(rays.depths(starts[:0], directions[:0])) == 0
 
 
-def test_nothing_inside_a_rectangle_is_higher_than_its_bound():
+def test_boxes_hold_their_triangles_and_touch_them():
     rng = np.random.default_rng(0)
-    rays = MeshRays(trimesh.creation.torus(20, 6), None, "torus")
-    for place in rng.uniform(-20, 20, (30, 3)):
-        frame, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        sides = tuple(rng.uniform(2, 20, 2).tolist())
-        inside = (rng.random((500, 2)) - 0.5) * sides
-        heights = rays.heights(place + inside @ frame[:, :2].T, np.broadcast_to(frame[:, 2], (500, 3)))
-        bound = rays.highest(place, frame, sides)
-        assert bound >= heights.max()
-        if np.isfinite(heights).all():
-            assert bound < heights.max() + 3  # triangles of a torus are small
-
-
-def test_a_bound_counts_the_highest_corner_of_a_triangle_and_nothing_beside_the_rectangle():
-    wedge = trimesh.Trimesh([[0, 0, 0], [10, 0, 0], [0, 10, 5]], [[0, 1, 2]], process=False)
-    rays = MeshRays(wedge, None, "wedge")  # centred: its middle is at the origin
-    assert rays.highest(np.zeros(3), np.eye(3), (1.0, 1.0)) == pytest.approx(2.5)
-    assert rays.highest(np.array([0, 0, 1.0]), np.eye(3), (1.0, 1.0)) == pytest.approx(1.5)
-    assert rays.highest(np.array([7.0, 0, 0]), np.eye(3), (1.0, 1.0)) == -np.inf
-    assert rays.highest(np.zeros(3), np.diag([1.0, -1, -1]), (1.0, 1.0)) == pytest.approx(2.5)
+    mesh = trimesh.creation.torus(20, 6)
+    rays = MeshRays(mesh, 50.0, "torus")
+    place, frame = rng.uniform(-20, 20, 3), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    low, high = rays.boxes(place, frame)
+    assert rays.faces == len(mesh.faces) == len(low)
+    corners = (mesh.triangles - mesh.bounds.mean(0)) * 50 / mesh.extents.max()
+    along = np.array([[frame.T @ (corner - place) for corner in triangle] for triangle in corners[:100]])
+    np.testing.assert_allclose(low[:100], along.min(1), atol=1e-9)
+    np.testing.assert_allclose(high[:100], along.max(1), atol=1e-9)
 
 
 def test_vertices_of_no_face_and_the_unit_are_no_trouble():

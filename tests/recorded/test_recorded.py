@@ -1,4 +1,6 @@
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,9 @@ from scipy.spatial.transform import Rotation
 from pcsr import Touch, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
+from pcsr.recorded.layouts import LAYOUTS
+from pcsr.recorded.manifest import UNITS, GraspEntry, LaidOut, Recorded, check_entry, checked
+from pcsr.recorded.pose import sensor_to_object, turn
 
 HEAD = {"format": 1, "unit": "mm", "object_unit": "m", "frame": "sensor", "sensor": "digit"}
 STILL = {"translation": [0, 0, 0], "quaternion": [0, 0, 0, 1], "order": "xyzw"}
@@ -189,7 +194,7 @@ def test_fingers_are_one_touch(folder):
 def test_a_grasp_with_a_bad_finger_is_left_out(folder, fingers, expected):
     text = reason(folder, {"fingers": fingers})
     assert text.startswith("touches.json: touches.1")
-    assert __import__("re").search(expected, text)
+    assert re.search(expected, text)
 
 
 def test_fingers_with_and_without_a_pose_do_not_go_together(folder):
@@ -301,13 +306,13 @@ def test_layouts_are_checked(tmp_path, layout, expected):
 
 # --- writing ---
 
-UNITS = st.floats(0.01, 1000)
+LENGTHS = st.floats(0.01, 1000)
 
 
 @st.composite
 def random_touches(draw):
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    unit = draw(UNITS)
+    unit = draw(LENGTHS)
     touches = []
     for _ in range(draw(st.integers(1, 3))):
         fingers, n = draw(st.integers(1, 4)), draw(st.integers(1, 9))
@@ -356,7 +361,7 @@ def test_a_recording_is_not_overwritten_unless_asked(tmp_path):
     np.testing.assert_array_equal(read(folder).touches[0].points, CLOUD + 1)
 
 
-def test_a_recording_that_was_not_finished_has_no_manifest(tmp_path, monkeypatch):
+def test_a_recording_that_was_not_finished_has_no_manifest(tmp_path):
     write(tmp_path, [one_touch()])
     (tmp_path / "1.ply").mkdir()  # in the way of the second cloud
     with pytest.raises(Exception, match=r"1\.ply could not be written"):
@@ -387,3 +392,46 @@ def test_touches_that_could_not_be_read_again_are_not_written(tmp_path, touches,
 def test_each_touch_needs_a_name_or_none_does(tmp_path):
     with pytest.raises(UserError, match="1 names for 2 touches"):
         write(tmp_path, [one_touch(), one_touch()], ["a"])
+
+
+# --- documentation ---
+
+PAGE = (Path(__file__).parents[2] / "docs" / "recorded.md").read_text(encoding="utf-8")
+EXAMPLES = [json.loads(text) for text in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)]
+
+
+def test_the_examples_of_the_page_are_right():
+    manifests = [example for example in EXAMPLES if "touches" in example]
+    for example in manifests:
+        recorded = checked(Recorded, example, "")
+        for index, value in enumerate(recorded.touches):
+            entry = check_entry(value, f"touches.{index}")
+            fingers = entry.fingers if isinstance(entry, GraspEntry) else [value]
+            for finger in fingers:
+                pose = check_entry(finger, "finger", in_grasp=True).pose
+                sensor_to_object(pose, recorded.unit, recorded.object_unit)
+    said = [checked(LaidOut, example, "").layout for example in EXAMPLES if "layout" in example]
+    for layout in said:
+        options, _ = LAYOUTS[layout.pop("name")]
+        checked(options, layout, "layout")
+    assert len(manifests) == 1
+    assert len(said) == len(LAYOUTS) + 1  # of ycb-slide there are two kinds
+
+
+def test_the_page_tells_every_turn():
+    rows = re.findall(r"^\| `([+-][xyz])` \| (.*) \|$", PAGE, re.MULTILINE)
+    assert len(rows) == 6
+    for axes, told in rows:
+        for ours, theirs in enumerate(told.replace("−", "-").split(" | ")):
+            expected = np.zeros(3)
+            expected["xyz".index(theirs[1])] = float(theirs[0] + "1")
+            np.testing.assert_array_equal(turn(axes)[:3, ours], expected)
+
+
+def test_the_page_names_every_layout_and_key():
+    for name, (options, _) in LAYOUTS.items():
+        section = PAGE.split(f"### {name}\n")[1].split("\n## ")[0].split("\n### ")[0]
+        for key in options.model_fields:
+            assert f'"{key}"' in section or f"`{key}`" in section, f"{name}: {key}"
+    for key in {**Recorded.model_fields, **UNITS}:
+        assert f"`{key}`" in PAGE

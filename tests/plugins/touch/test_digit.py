@@ -322,8 +322,8 @@ def test_fingers_too_far_apart_find_only_the_middle_one():
     prism = trimesh.creation.cylinder(radius=40, height=200, sections=3)
     prism.update_faces(np.abs(prism.face_normals[:, 2]) < 0.5)
     assert touch(prism, tilt=0.0, at_least_area=100.0)
-    with pytest.raises(UserError, match=r"9\d with nothing to grasp on the other side"):
-        touch(prism, policy="grasp", tilt=0.0, at_least_area=100.0)
+    with pytest.raises(UserError, match=r"\d+ with nothing to grasp on the other side"):
+        touch(prism, policy="grasp", tilt=0.0, at_least_area=100.0, tries=20)
 
 
 def test_a_surface_that_nothing_can_reach_is_refused_with_the_reasons():

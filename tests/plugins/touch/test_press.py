@@ -128,24 +128,25 @@ def test_points_move_along_their_rays():
         assert np.abs(np.cross(moved - still, rays)).max() < 1e-9
 
 
-def test_a_bound_rejects_only_what_a_full_look_rejects(monkeypatch):
+def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
     rejected = looked = 0
-    for name in ("test/hook/0000", "test/bolt/0000", "test/gear/0000"):
+    for name in ("test/hook/0000", "test/bolt/0000"):
         rays = MeshRays(CadParts().item(name).mesh, 60.0, name)
-        places = Places.draw(rays, 25, 5.0, (0.5, 1.5), np.random.default_rng(0))
+        places = Places.draw(rays, 20, 5.0, (0.5, 1.5), np.random.default_rng(0))
         for sensor in (sensors.load("digit"), sensors.load("digit-tacto")):
             finger = Finger(sensor)
             at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]
             quick = [finger.press(*one) for one in at]
             with monkeypatch.context() as patch:
-                patch.setattr(MeshRays, "highest", lambda *_: np.inf)
+                patch.setattr("pcsr_plugins.touch.promising.FACES", 0)
                 slow = [finger.press(*one) for one in at]
             for a, b in zip(quick, slow, strict=True):
                 assert (a is None) == (b is None)
                 if a is not None:
                     assert np.array_equal(a.mask, b.mask)
                     assert np.array_equal(a.pose, b.pose)
+                    assert np.array_equal(a.seen[a.mask], b.seen[b.mask])
             rejected += sum(a is None for a in quick)
             looked += sum(a is not None for a in quick)
-    assert rejected > 20
-    assert looked > 20
+    assert rejected > 10
+    assert looked > 10

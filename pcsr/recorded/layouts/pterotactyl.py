@@ -1,0 +1,67 @@
+"""The layout `pterotactyl`: grasps of Active-3D-Vision-and-Touch (Smith et al., 2021), a folder for each object.
+
+`<action>/<finger>_points.npy` is what a finger felt, in the object's frame and in metres, and
+`<action>/<finger>_ref_frame.npy`, which is pickled, says where its camera was.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pcsr.clouds.touch import Touch
+from pcsr.clouds.unpickle import load_numpy
+from pcsr.errors import UserError
+from pcsr.recorded.layouts.smith_2020 import in_order, joined, numbers
+from pcsr.recorded.manifest import Strict
+from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, turn
+
+METRE = 1000.0
+
+
+class Options(Strict):
+    """What the manifest says of this layout."""
+
+    per: Literal["grasp", "finger"] = "grasp"
+    """A touch is what all fingers of a grasp felt, or what one finger did."""
+    face: Annotated[float, Field(ge=0)] = 12.8
+    """From a finger's camera to its face, in mm: that of the box which stands for it in the simulator."""
+
+
+def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
+    """Each grasp or finger, in the object's frame, whose unit is the metre.
+
+    Raises:
+        UserError: the folder holds no action.
+    """
+    actions = in_order({path.parent for path in folder.glob("*/*_ref_frame.npy")})
+    if not actions:
+        raise UserError(
+            f"{folder} holds no <action>/<finger>_ref_frame.npy: give the folder of one object, grasp_info/<id>"
+        )
+    for action in actions:
+        yield from joined(action.name, partial(_fingers, action, options.face), options.per)
+
+
+def _fingers(action: Path, face: float) -> list[Touch | None]:
+    frames = sorted(action.glob("*_ref_frame.npy"))
+    return [_finger(path, path.with_name(path.name.replace("_ref_frame", "_points")), face) for path in frames]
+
+
+def _finger(frame: Path, points: Path, face: float) -> Touch | None:
+    if not points.is_file():
+        return None
+    felt = numbers(load_numpy(points), (None, 3), str(points))
+    if len(felt) == 0:
+        return None
+    where = load_numpy(frame)
+    if not isinstance(where, dict) or not {"pos", "rot"} <= where.keys():
+        raise UserError(f"{frame} has no pos and rot: it is no frame of this layout")
+    rigid = np.eye(4)
+    rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
+    rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
+    pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ turn("+x") @ moved_along_z(-face)
+    return Touch.of_one_finger(felt, pose, METRE, "smith-2021")

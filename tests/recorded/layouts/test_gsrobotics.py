@@ -1,0 +1,102 @@
+import json
+
+import numpy as np
+import pytest
+
+from pcsr import UserError
+from pcsr.clouds.formats import write_points
+from pcsr.recorded import read
+
+STILL = {"translation": [0, 0, 0], "quaternion": [0, 0, 0, 1], "order": "xyzw"}
+
+
+def pixels(sign=1):
+    """A cloud of every pixel, in pixels: 6 x 4, with two that press in."""
+    v, u = np.mgrid[:4, :6].astype(float)
+    z = np.zeros((4, 6))
+    z[0, 5], z[2, 1] = 20, 10
+    return np.stack([u, v, sign * z], axis=-1).reshape(-1, 3)
+
+
+def say(folder, **options):
+    layout = {
+        "name": "gsrobotics",
+        "mm_per_pixel": 0.1,
+        "indentation": "positive",
+        "contact_above": 0.5,
+        "poses": {"1": STILL},
+        "unit": "mm",
+        "object_unit": "mm",
+    }
+    (folder / "touches.json").write_text(json.dumps({"format": 1, "layout": layout | options}))
+    return read(folder)
+
+
+@pytest.mark.parametrize(("sign", "word"), [(1, "positive"), (-1, "negative")])
+def test_pixels_become_millimetres_above_the_middle_of_the_gel(tmp_path, sign, word):
+    write_points(tmp_path / "pc_1.pcd", pixels(sign))
+    recording = say(tmp_path, indentation=word)
+    assert recording.names == ["pc_1.pcd"]
+    (touch,) = recording.touches
+    np.testing.assert_allclose(touch.points, [[0.25, 0.15, 2], [-0.15, -0.05, 1]])
+    assert touch.contact_area == pytest.approx(0.02)
+    assert (touch.unit, touch.sensor) == (1.0, "gelsight-mini")
+    np.testing.assert_array_equal(touch.poses[0], np.eye(4))
+
+
+def test_poses_carry_the_frame_and_unit_of_the_object(tmp_path):
+    write_points(tmp_path / "pc_1.pcd", pixels())
+    poses = {"1": STILL | {"translation": [1, 2, 3]}}
+    (touch,) = say(tmp_path, poses=poses, unit="cm", object_unit="m", sensor="mine").touches
+    np.testing.assert_allclose(touch.points, np.array([[10.25, 20.15, 32], [9.85, 19.95, 31]]) / 1000)
+    assert touch.sensor == "mine"
+
+
+def test_the_sensor_may_look_along_another_axis(tmp_path):
+    write_points(tmp_path / "pc_1.pcd", pixels())
+    (touch,) = say(tmp_path, axes="+z").touches
+    np.testing.assert_allclose(touch.points, [[0.25, -0.15, -2], [-0.15, 0.05, -1]])
+
+
+def test_contact_begins_where_it_is_said(tmp_path):
+    write_points(tmp_path / "pc_1.pcd", pixels())
+    assert len(say(tmp_path, contact_above=1.5).touches[0].points) == 1
+    with pytest.raises(UserError, match=r"pc_1\.pcd: no contact: none of its 24 pixels is above 2.5 mm"):
+        say(tmp_path, contact_above=2.5)
+
+
+def test_clouds_and_poses_belong_together_by_number(tmp_path):
+    for number in (1, 2, 10, 3):
+        write_points(tmp_path / f"pc_{number}.pcd", pixels())
+    (tmp_path / "pc_last.pcd").write_text("of another program")
+    bad = STILL | {"quaternion": [0, 0, 0, 3]}
+    recording = say(tmp_path, poses={"10": STILL, "2": STILL, "7": STILL, "3": bad})
+    assert recording.names == ["pc_2.pcd", "pc_10.pcd"]
+    assert list(recording.skipped) == ["pc_1.pcd", "pc_3.pcd", "pc_7.pcd"]
+    assert "no pose for number 1: add it" in recording.skipped["pc_1.pcd"]
+    assert "its norm is 3" in recording.skipped["pc_3.pcd"]
+    assert "is not there" in recording.skipped["pc_7.pcd"]
+
+
+def test_a_damaged_cloud_is_left_out(tmp_path):
+    write_points(tmp_path / "pc_1.pcd", pixels())
+    (tmp_path / "pc_2.pcd").write_text("noise")
+    recording = say(tmp_path, poses={"1": STILL, "2": STILL})
+    assert recording.names == ["pc_1.pcd"]
+    assert "pc_2.pcd cannot be read as a .pcd cloud" in recording.skipped["pc_2.pcd"]
+
+
+def test_a_folder_without_clouds_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"holds no pc_<n>\.pcd"):
+        say(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["mm_per_pixel", "indentation", "contact_above", "poses", "unit", "object_unit"])
+def test_what_nobody_can_guess_must_be_said(tmp_path, key):
+    with pytest.raises(UserError, match=rf"layout\.{key}"):
+        say(tmp_path, **{key: None})
+
+
+def test_a_mistake_in_a_pose_is_named_with_its_number(tmp_path):
+    with pytest.raises(UserError, match=r"layout\.poses\.4\.order: input should be 'xyzw' or 'wxyz', got 'xyz'"):
+        say(tmp_path, poses={"4": STILL | {"order": "xyz"}})
