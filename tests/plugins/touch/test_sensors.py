@@ -2,6 +2,7 @@ import math
 import tomllib
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +29,24 @@ def test_every_figure_has_a_source_and_a_doubt_and_is_an_option(name):
         assert isinstance(figure.doubt, str)
         assert figure.name in options
         assert getattr(sensors.load(name), figure.name) == figure.value
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_docs_say_every_figure_as_it_is(name):
+    page = (Path(__file__).parents[3] / "docs" / "touch.md").read_text(encoding="utf-8")
+    section = page.split(f"### `{name}`\n")[1].split("\n#")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| `")]
+    shown = [
+        f"| `{figure.name}` | {shown_value(figure.value)} | {figure.source} | {figure.doubt} |"
+        for figure in sensors.figures(name)
+    ]
+    assert rows[: len(shown)] == shown
+
+
+def shown_value(value):
+    if isinstance(value, tuple):
+        return " × ".join(f"{part:g}" for part in value)
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 @pytest.mark.parametrize("name", PRESETS)
