@@ -1,0 +1,224 @@
+"""Data from the notes that a pickle's stand-ins took: plain containers and numeric arrays, and nothing else."""
+
+import math
+import re
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+DTYPE = re.compile(r"(b1|[iufc]\d{1,2}|[SU]\d{1,9}|O8?|\?)")
+"""The types of arrays that are built. No records and no dates: nobody records touches in them."""
+ENCODINGS = ("latin1", "latin-1", "iso-8859-1")
+
+
+class Inert:
+    """Stands where a pickle held an object of a class that was named harmless; it holds nothing."""
+
+    def __init__(self, name: str) -> None:
+        """Remember what it stands for.
+
+        Args:
+            name: of the class.
+        """
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"Inert({self.name!r})"
+
+
+class StandIn:
+    """What a pickle gets for a name. Calling it makes a note of the call, and nothing else."""
+
+    name: ClassVar[str]
+    inert: ClassVar[bool]
+    args: tuple[Any, ...]
+    state: Any
+    entries: list[tuple[Any, Any]]
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> "StandIn":
+        """Note a call.
+
+        Raises:
+            ValueError: with keywords, which nothing that we know is called with.
+        """
+        if kwargs and not cls.inert:
+            raise ValueError(f"{cls.name} is called with keywords")
+        self = object.__new__(cls)
+        self.args, self.state, self.entries = args, None, []
+        return self
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        pass
+
+    def __setstate__(self, state: Any) -> None:
+        self.state = state
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        self.entries.append((key, value))
+
+    def append(self, value: Any) -> None:
+        """Note an item."""
+        self.entries.append((None, value))
+
+
+class Builder:
+    """Turns the notes into data. Each object is built once, however often it is referred to."""
+
+    def __init__(self) -> None:
+        self.built: dict[int, Any] = {}
+        self.under_way: set[int] = set()
+
+    def build(self, node: Any) -> Any:
+        """The data that a node of the pickle stands for.
+
+        Raises:
+            ValueError: it stands for none.
+        """
+        if node is None or isinstance(node, bool | int | float | complex | str | bytes | bytearray):
+            return node
+        if id(node) in self.built:
+            return self.built[id(node)]
+        if id(node) in self.under_way:
+            raise ValueError("a container holds itself")
+        self.under_way.add(id(node))
+        self.built[id(node)] = made = self._make(node)
+        self.under_way.discard(id(node))
+        return made
+
+    def _make(self, node: Any) -> Any:
+        if isinstance(node, dict):
+            return {self.build(key): self.build(value) for key, value in node.items()}
+        if isinstance(node, list | tuple | set | frozenset):
+            return type(node)(self.build(one) for one in node)
+        named = node if isinstance(node, type) else type(node)
+        if not issubclass(named, StandIn):
+            raise ValueError(f"it holds a {named.__name__}")
+        if named.inert:
+            return Inert(named.name)
+        maker = MAKERS[named.name]
+        if isinstance(node, type) or maker is None:
+            raise ValueError(f"it holds {named.name} itself, not data")
+        if node.entries and named.name != "collections.OrderedDict":
+            raise ValueError(f"{named.name} is filled like a container")
+        return maker(self, node)
+
+
+def _encoded(builder: Builder, call: StandIn) -> bytes:
+    """How protocols before 3 write bytes."""
+    text, *rest = builder.build(call.args)
+    if not isinstance(text, str) or not rest or rest[0] not in ENCODINGS:
+        raise ValueError(f"text in another encoding than latin1: {rest}")
+    return text.encode("latin1")
+
+
+def _container(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
+    def make(builder: Builder, call: StandIn) -> Any:
+        args = builder.build(call.args)
+        if len(args) > 1 or not all(isinstance(one, list | tuple | dict | set | frozenset) for one in args):
+            raise ValueError(f"{call.name} of something that is no container")
+        made = kind(*args)
+        for key, value in call.entries:
+            made[builder.build(key)] = builder.build(value)
+        return made
+
+    return make
+
+
+def _plain(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
+    def make(builder: Builder, call: StandIn) -> Any:
+        args = builder.build(call.args)
+        # A whole number would be a size to bytes, and the text of a container may be endless.
+        allowed = (str, bytes) if kind in (bytes, bytearray) else (int, float, str, bytes)
+        if not all(isinstance(one, allowed) for one in args):
+            raise ValueError(f"{call.name} of something that is no plain value")
+        return kind(*args)
+
+    return make
+
+
+def _dtype(note: Any) -> np.dtype[Any]:
+    """The type of an array's items; made of its name and byte order alone."""
+    if not isinstance(note, StandIn) or note.name != "numpy.dtype" or not note.args:
+        raise ValueError("an array without a dtype")
+    name, state = note.args[0], note.state
+    if not isinstance(name, str) or not DTYPE.fullmatch(name):
+        raise ValueError(f"an array of dtype {name!r}")
+    dtype = np.dtype(name)
+    if state is not None:
+        known = isinstance(state, tuple) and len(state) >= 8 and state[0] in (3, 4) and state[1] in ("<", ">", "|", "=")
+        if not known or any(part is not None for part in state[2:5]):
+            raise ValueError(f"a dtype {name!r} of an unknown form")
+        dtype = dtype.newbyteorder(state[1])
+    if dtype.itemsize == 0:
+        raise ValueError(f"an array of dtype {name!r}, whose items have no size")
+    return dtype
+
+
+def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndarray:
+    """An array of `data`, which must be exactly as much as `shape` takes."""
+    if not isinstance(shape, tuple) or not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ValueError(f"an array of shape {shape!r}")
+    count = math.prod(shape)
+    if dtype.kind == "O":
+        if not isinstance(data, list) or len(data) != count:
+            raise ValueError(f"an array of shape {shape} without its {count} objects")
+        objects = np.full(count, None, object)
+        for index, one in enumerate(data):
+            objects[index] = one
+        return objects.reshape(shape, order=order)
+    if isinstance(data, str):  # Python 2 had no bytes
+        data = data.encode("latin1")
+    if not isinstance(data, bytes | bytearray) or len(data) != count * dtype.itemsize:
+        raise ValueError(f"an array of shape {shape} and dtype {dtype.str} without its {count * dtype.itemsize} bytes")
+    if count == 0:
+        return np.zeros(shape, dtype)
+    if dtype.kind == "b":
+        return np.not_equal(np.frombuffer(data, np.uint8), 0).reshape(shape, order=order)
+    flat = np.frombuffer(data, dtype).copy()
+    if dtype.kind == "U" and flat.view(np.dtype("u4").newbyteorder(dtype.byteorder)).max() > 0x10FFFF:
+        raise ValueError("an array of text that is none")
+    return flat.reshape(shape, order=order)
+
+
+def _reconstructed(builder: Builder, call: StandIn) -> np.ndarray:
+    of = call.args[0] if call.args else None
+    if not (isinstance(of, type) and issubclass(of, StandIn) and of.name == "numpy.ndarray"):
+        raise ValueError("an array of an unknown class")
+    if not isinstance(call.state, tuple) or len(call.state) not in (4, 5):
+        raise ValueError("an array without data")
+    shape, dtype, fortran, data = call.state[-4:]
+    return array_of(_dtype(dtype), builder.build(shape), builder.build(data), "F" if fortran else "C")
+
+
+def _from_buffer(builder: Builder, call: StandIn) -> np.ndarray:
+    data, dtype, shape, order, *axes = call.args
+    if order not in ("C", "F", "K"):
+        raise ValueError(f"an array in order {order!r}")
+    array = array_of(_dtype(dtype), builder.build(shape), builder.build(data), "F" if order == "F" else "C")
+    if order == "K" and axes and axes[0] is not None:
+        array = array.transpose(builder.build(axes[0]))
+    return array
+
+
+def _scalar(builder: Builder, call: StandIn) -> Any:
+    dtype, data = call.args
+    if _dtype(dtype).kind == "O":
+        raise ValueError("a number that is an object")
+    return array_of(_dtype(dtype), (), builder.build(data), "C")[()]
+
+
+_KINDS: tuple[type, ...] = (dict, list, tuple, set, frozenset)
+MAKERS: dict[str, Callable[[Builder, StandIn], Any] | None] = {
+    "numpy.core.multiarray._reconstruct": _reconstructed,
+    "numpy.core.multiarray.scalar": _scalar,
+    "numpy.core.numeric._frombuffer": _from_buffer,
+    "numpy.ndarray": None,
+    "numpy.dtype": None,
+    "_codecs.encode": _encoded,
+    "collections.OrderedDict": _container(OrderedDict),
+    **{f"builtins.{kind.__name__}": _container(kind) for kind in _KINDS},
+    **{f"builtins.{kind.__name__}": _plain(kind) for kind in (bytes, bytearray, str, int, float, complex, bool)},
+}
+"""All that a pickle may name, and what makes data of its notes; None: a name that is data of nothing by itself."""

@@ -1,0 +1,189 @@
+"""Reading a recording: its manifest, its files, each touch in the object's frame; what is wrong with the others."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.clouds.formats import read_points
+from pcsr.clouds.touch import Touch
+from pcsr.clouds.unpickle import load_numpy
+from pcsr.errors import UserError
+from pcsr.recorded import layouts
+from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
+from pcsr.recorded.manifest import (
+    CloudEntry,
+    DepthEntry,
+    Entry,
+    GraspEntry,
+    HeightEntry,
+    LaidOut,
+    Recorded,
+    check_entry,
+    checked,
+    inside,
+)
+from pcsr.recorded.pose import sensor_to_object, transformed, turn
+
+MANIFEST = "touches.json"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The touches of one object, in its frame and unit."""
+
+    touches: list[Touch]
+    names: list[str]
+    """Of each touch: its name, or its file."""
+    skipped: dict[str, str]
+    """What was left out, and why."""
+
+
+def read(folder: Path) -> Recording:
+    """Read a recording. A touch that cannot be used is left out, with the reason; the others are not the worse.
+
+    Raises:
+        UserError: the manifest is not there or has mistakes, or not one touch is of use; all the reasons.
+    """
+    path = folder / MANIFEST
+    plain = _json(path)
+    recording = Recording([], [], {})
+    try:
+        found = _laid_out(folder, plain) if "layout" in plain else _listed(folder, checked(Recorded, plain, ""))
+    except UserError as error:
+        raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
+    for name, touch in found:
+        if isinstance(touch, Touch):
+            recording.touches.append(touch)
+            recording.names.append(name)
+        else:
+            recording.skipped[name] = touch
+    if not recording.touches:
+        reasons = "".join(f"\n  {name}: {reason}" for name, reason in recording.skipped.items())
+        raise UserError(f"{folder}: not one touch could be used{reasons or ': there is none in it'}")
+    return recording
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        plain = json.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror or error}: a recording has one") from error
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path} is no JSON: {error}") from error
+    if not isinstance(plain, dict):
+        raise UserError(f"{path} holds a {type(plain).__name__}: it must be an object, {{…}}")
+    return plain
+
+
+def _laid_out(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
+    if "touches" in plain:
+        raise UserError(f"{MANIFEST}: it says touches and layout: say which of them it is")
+    return layouts.read(folder, checked(LaidOut, plain, "").layout)
+
+
+def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str]]:
+    """The touches of the manifest, or what is wrong with them."""
+    taken: set[str] = set()
+    for index, value in enumerate(recorded.touches):
+        place = f"touches.{index}"
+        name = _name(value) or place
+        if name in taken:
+            name = f"{name} ({place})"
+        taken.add(name)
+        try:
+            yield name, _touch(folder, recorded, check_entry(value, place), place)
+        except UserError as error:
+            yield name, "; ".join(str(error).splitlines())
+
+
+def _name(value: Any) -> str | None:
+    """What to call an entry, be it right or wrong: its name, or its file."""
+    if not isinstance(value, dict):
+        return None
+    for key in ("name", "cloud", "height", "depth"):
+        if isinstance(value.get(key), str):
+            return str(value[key])
+    fingers = value.get("fingers")
+    files = [_name(finger) for finger in fingers] if isinstance(fingers, list) else []
+    return "+".join(file for file in files if file) or None
+
+
+def _touch(folder: Path, recorded: Recorded, entry: Entry | GraspEntry, place: str) -> Touch:
+    if isinstance(entry, Entry):
+        try:
+            return _finger(folder, recorded, entry)
+        except UserError as error:
+            raise UserError(f"{MANIFEST}: {place}: {error}") from error
+    fingers = []
+    for number, value in enumerate(entry.fingers):
+        inner = f"{place}.fingers.{number}"
+        finger = check_entry(value, inner, in_grasp=True)
+        fingers.append(_touch(folder, recorded, finger, inner))
+    if len({len(finger.poses) for finger in fingers}) != 1:
+        raise UserError(f"{MANIFEST}: {place}: some fingers have a pose and others none: give all of them one, or none")
+    touch = Touch.of_fingers(fingers)
+    if len(touch.points) == 0:
+        raise UserError(f"{MANIFEST}: {place}: none of its fingers felt anything")
+    if entry.order is not None:
+        order = load_numpy(inside(folder, entry.order))
+        whole = isinstance(order, np.ndarray) and order.ndim == 1 and order.dtype.kind in "iu"
+        if not whole or not np.array_equal(np.sort(order), np.arange(len(touch.points))):
+            raise UserError(f"{MANIFEST}: {place}.order: it does not name each of the {len(touch.points)} points once")
+        touch = replace(touch, points=touch.points[order], finger=touch.finger[order])
+    area = touch.contact_area if entry.contact_area is None else entry.contact_area
+    return replace(touch, contact_area=area, sensor=entry.sensor or touch.sensor)
+
+
+def _finger(folder: Path, recorded: Recorded, entry: Entry) -> Touch:
+    pose = None
+    if entry.pose is not None:
+        pose = sensor_to_object(entry.pose, recorded.unit, recorded.object_unit, recorded.object_pose)
+    sensor = entry.sensor or recorded.sensor
+    # Multiplying by a turn that turns nothing would leave the numbers, but not the sign of each 0.
+    ours = pose if pose is None or recorded.axes == "-z" else pose @ turn(recorded.axes)
+    if isinstance(entry, CloudEntry):
+        points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
+        points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
+        return Touch.of_one_finger(points, ours, recorded.object_unit, sensor, entry.contact_area)
+    if ours is None:
+        raise UserError("pose is missing: where the sensor was must be known to place what it saw; add it")
+    felt, area = _seen(folder, entry)
+    return Touch.of_one_finger(transformed(ours, felt), ours, recorded.object_unit, sensor, area)
+
+
+def _in_object(
+    points: Float[np.ndarray, "n 3"], unit: float, recorded: Recorded, pose: Float[np.ndarray, "4 4"] | None
+) -> Float[np.ndarray, "n 3"]:
+    if recorded.frame == "object":
+        return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
+    if pose is None:
+        raise UserError("pose is missing: the cloud is in the sensor's frame; add it")
+    return transformed(pose, points * unit)
+
+
+def _seen(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
+    """What an image shows, in pcsr's sensor frame, and the area of the contact."""
+    if isinstance(entry, HeightEntry):
+        height = read_image(inside(folder, entry.height)) * entry.mm_per_level
+        background = _optional(folder, entry.background, height, "background")
+        mask = _optional(folder, entry.mask, height, "mask")
+        height = height if background is None else height - background * entry.mm_per_level
+        indentation = height if entry.indentation == "positive" else -height
+        contact = (indentation > entry.contact_above) & (True if mask is None else mask != 0)
+        return height_contact(indentation, entry.mm_per_pixel, contact)
+    assert isinstance(entry, DepthEntry)
+    depth = read_image(inside(folder, entry.depth)) * entry.unit
+    background = _optional(folder, entry.background, depth, "background")
+    rest = entry.face if background is None else background * entry.unit
+    return depth_contact(depth, entry.intrinsics, entry.face, rest - depth > entry.contact_above)
+
+
+def _optional(folder: Path, name: str | None, image: np.ndarray, what: str) -> np.ndarray | None:
+    other = None if name is None else read_image(inside(folder, name))
+    same_size(image, other, what)
+    return other

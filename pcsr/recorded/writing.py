@@ -1,0 +1,99 @@
+"""Writing touches as a recording that reads back to the last bit."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pcsr.clouds.formats import write_points
+from pcsr.clouds.touch import Touch
+from pcsr.errors import UserError
+from pcsr.files import write_text, write_whole
+from pcsr.recorded.pose import check_matrix
+from pcsr.recorded.reading import MANIFEST
+
+
+def write(
+    folder: Path, touches: Sequence[Touch], names: Sequence[str] | None = None, *, overwrite: bool = False
+) -> None:
+    """Write touches of one object so that `read` gives the same ones, to the last bit.
+
+    The manifest is written last: a folder that has none was not finished.
+
+    Args:
+        folder: where to; it need not be there.
+        touches: all of one unit.
+        names: one for each touch.
+        overwrite: replace the recording that is there.
+
+    Raises:
+        UserError: there is a recording already, or something could not be read again.
+        RunError: a file cannot be written.
+    """
+    manifest = folder / MANIFEST
+    if manifest.exists() and not overwrite:
+        raise UserError(f"{folder} holds a recording already: take another folder, or overwrite it")
+    units = sorted({float(touch.unit) for touch in touches})
+    if len(units) != 1:
+        raise UserError(f"{folder}: touches of one object have one unit, got {units} mm")
+    if names is not None and len(names) != len(touches):
+        raise UserError(f"{folder}: {len(names)} names for {len(touches)} touches: give each one")
+    clouds: dict[str, np.ndarray] = {}
+    entries = [_entry(touch, str(index), clouds) for index, touch in enumerate(touches)]
+    for index, (entry, touch) in enumerate(zip(entries, touches, strict=True)):
+        entry |= {} if names is None else {"name": names[index]}
+        entry |= {} if touch.sensor == touches[0].sensor else {"sensor": touch.sensor}
+    head = {"format": 1, "unit": "mm", "object_unit": units[0], "frame": "object", "sensor": touches[0].sensor}
+    text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
+    text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
+    if overwrite:
+        manifest.unlink(missing_ok=True)  # it must never describe another's clouds
+    for file, array in clouds.items():
+        if file.endswith(".ply"):
+            write_points(folder / file, array)
+        else:
+            _write_array(folder / file, array)
+    write_text(manifest, text)
+
+
+def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The entry of a touch; its files go into `clouds`."""
+    fingers = max(len(touch.poses), int(touch.finger.max(initial=0)) + 1)
+    if len(touch.poses) not in (0, fingers) or len(touch.points) == 0 or not np.isfinite(touch.points).all():
+        raise UserError(
+            f"touch {stem} by '{touch.sensor}' cannot be recorded: it has {len(touch.points)} points of {fingers} "
+            f"fingers and {len(touch.poses)} poses; points must be finite, and of all fingers or none is the pose known"
+        )
+    area: dict[str, Any] = {} if touch.contact_area is None else {"contact_area": float(touch.contact_area)}
+    if area and not 0 <= area["contact_area"] < np.inf:
+        raise UserError(
+            f"touch {stem} by '{touch.sensor}' cannot be recorded: its contact area is {touch.contact_area}"
+        )
+    order = np.argsort(touch.finger, kind="stable")
+    parts: list[dict[str, Any]] = []
+    for finger in range(fingers):
+        points = touch.points[touch.finger == finger]
+        file = f"{stem}.ply" if fingers == 1 else f"{stem}_{finger}.ply"
+        if len(points):
+            clouds[file] = points
+        part: dict[str, Any] = {"cloud": file if len(points) else None, "unit": float(touch.unit)}
+        if len(touch.poses):
+            pose = check_matrix(touch.poses[finger], 1 / touch.unit, f"touch {stem}: pose {finger}")
+            part["pose"] = {"matrix": pose.tolist(), "maps_to": "object_unit"}
+        parts.append(part)
+    if fingers == 1:
+        return parts[0] | area
+    if (np.diff(touch.finger) >= 0).all():
+        return {"fingers": parts} | area
+    clouds[f"{stem}_order.npy"] = np.argsort(order)
+    return {"fingers": parts, "order": f"{stem}_order.npy"} | area
+
+
+def _write_array(path: Path, array: np.ndarray) -> None:
+    def save(part: Path) -> None:
+        with part.open("wb") as file:
+            np.save(file, array, allow_pickle=False)
+
+    write_whole(path, save)
