@@ -42,7 +42,9 @@ def split():
     names = [str(i) for i in range(8)]
     felt = truth[:, :60].reshape(8, 2, 30, 3)
     spheres = [UnitSphere.fit(cloud.numpy()) for cloud in truth]
-    return Split(names, names, list(truth), list(truth[:, 100:164]), list(felt), spheres, [(0.1, 0.2)] * 8, {"rejected": {}})
+    return Split(
+        names, names, list(truth), list(truth[:, 100:164]), list(felt), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
+    )
 
 
 def weights(network):
