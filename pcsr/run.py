@@ -22,7 +22,7 @@ from pcsr.data.plan import Plan
 from pcsr.data.shards import read_manifest
 from pcsr.data.workers import crew
 from pcsr.errors import UserError
-from pcsr.evaluate import Scores, evaluate, methods
+from pcsr.evaluation import Scores, evaluate, methods
 from pcsr.files import save_tensors, write_text
 from pcsr.metrics import METRICS
 from pcsr.model import Network

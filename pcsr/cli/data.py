@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import plugin_option
+from pcsr.cli.options import FILE, plugin_option
 from pcsr.errors import UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -23,9 +23,7 @@ def data() -> None:
 
 @data.command()
 @click.argument("shapes")
-@click.option(
-    "-o", "--out", "folder", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Where to put it."
-)
+@click.option("-o", "--out", "folder", required=True, type=FILE, metavar="DIR", help="Where to put it.")
 @click.option(
     "--set",
     "overrides",
@@ -72,10 +70,10 @@ def make(
 
 
 @data.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=FILE)
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     default=None,
     metavar="FILE",
     help="Where to write the page of pictures.  [default: DIR/info.html]",
@@ -109,8 +107,6 @@ def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "R
 
 def _print(console: "Console", folder: Path, manifest: dict[str, Any]) -> None:
     """What the manifest says, in a table, with the reasons of what was left out."""
-    from collections import Counter
-
     from rich.table import Table
 
     data = manifest["data"]
@@ -130,8 +126,12 @@ def _print(console: "Console", folder: Path, manifest: dict[str, Any]) -> None:
     console.print(table)
     console.print("felt: the share of an object's truth that its first touches cover, median over objects", style="dim")
     for split, about in manifest["splits"].items():
-        for reason, count in Counter(_kind(*pair) for pair in about["rejected"].items()).most_common():
-            console.print(f"left out of {split}, {count}x: {reason}", markup=False, soft_wrap=True)
+        kinds: dict[str, list[str]] = {}
+        for name, reason in about["rejected"].items():
+            kinds.setdefault(_kind(name, reason), []).append(reason if name in reason else f"{name}: {reason}")
+        for reasons in sorted(kinds.values(), key=len, reverse=True):
+            such = "" if len(reasons) == 1 else f" {len(reasons)} such as"
+            console.print(f"left out of {split}:{such} {reasons[0]}", markup=False, soft_wrap=True)
 
 
 def _plain(options: dict[str, Any]) -> str:

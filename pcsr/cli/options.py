@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -29,6 +29,19 @@ def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
 
     return with_registry
 
+
+class _File(click.Path):
+    """A path; an empty one, such as an unset variable of a shell gives, is a mistake and not the folder we are in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse an empty path."""
+        if str(value) == "":
+            self.fail("it is empty: name a file or folder", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+FILE = _File(path_type=Path)
+"""The type of every path that a command takes."""
 
 set_option = click.option(
     "--set",

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import plugin_option, set_option
+from pcsr.cli.options import FILE, plugin_option, set_option
 
 if TYPE_CHECKING:
     from pcsr.registry import Registry
-
-FILE = click.Path(path_type=Path)
 
 
 @click.group()

@@ -5,16 +5,16 @@ from typing import Any
 
 import click
 
-from pcsr.cli.options import plugin_option, set_option
+from pcsr.cli.options import FILE, plugin_option, set_option
 
 
 @click.command()
-@click.argument("recipe", type=click.Path(path_type=Path))
+@click.argument("recipe", type=FILE)
 @set_option
 @plugin_option
 @click.option(
     "--runs",
-    type=click.Path(path_type=Path),
+    type=FILE,
     default=Path("runs"),
     show_default=True,
     help="Where run folders go.",
@@ -48,7 +48,7 @@ from pcsr.cli.options import plugin_option, set_option
 )
 @click.option(
     "--data",
-    type=click.Path(path_type=Path),
+    type=FILE,
     default=None,
     help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own.",
 )

@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pcsr.cli.options import plugin_option
+from pcsr.cli.options import FILE, plugin_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
-    from pcsr.registry import Registry
+    import numpy as np
+    import trimesh
+    from jaxtyping import Float
 
-FILE = click.Path(path_type=Path)
+    from pcsr.registry import Registry
 
 
 @click.command()
@@ -62,6 +64,8 @@ def touch(
     from pcsr.recipe import for_data
     from pcsr.recorded import write
 
+    if any(override.partition("=")[0].strip() == "use" for override in overrides):
+        raise UserError("--set use=…: name the source with --source")
     if not mesh.is_file():
         raise UserError(f"mesh {mesh}: there is no such file")
     given = [f"use={source}"]
@@ -72,6 +76,7 @@ def touch(
     item: Item = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
         seen = read_points(cloud)
+        _check_beside(seen, item.mesh, cloud, mesh)
     else:
         seen = surface_points(item.mesh, recipe.data.points, np.random.default_rng(seed))
     touches = feeler.touches(item, seen, count, seed)
@@ -84,3 +89,22 @@ def touch(
         f"{len(touches[0].points)} points each, contacts of {min(areas, default=0):.0f} to "
         f"{max(areas, default=0):.0f} mm²{felt}"
     )
+
+
+def _check_beside(cloud: "Float[np.ndarray, 'n 3']", mesh: "trimesh.Trimesh", file: Path, of: Path) -> None:
+    """Refuse a cloud that cannot be of this mesh.
+
+    Raises:
+        UserError: it is of another size, or lies elsewhere; both sizes are said.
+    """
+    import numpy as np
+
+    low, high = mesh.bounds
+    length = float((high - low).max())
+    own = float(np.ptp(cloud, axis=0).max())
+    away = float(np.maximum(np.maximum(low - cloud.max(0), cloud.min(0) - high), 0).max())
+    if own > 10 * length or away > length:
+        raise UserError(
+            f"--cloud {file} is {own:.4g} long and lies {away:.4g} away from {of}, which is {length:.4g} long: "
+            f"it is in another unit or frame; bring it into the mesh's"
+        )

@@ -50,7 +50,7 @@ def build_split(
     names = plan.split(split)
     manifest = _manifest(plan, folder)
     done = manifest["splits"].get(split)
-    if done and not done["faults"] and all((folder / shard["file"]).exists() for shard in done["shards"]):
+    if done and all(_finished(folder / shard["file"], plan.fingerprint) for shard in done["shards"]):
         advance(len(names))
         return
     shards = [names[i : i + SHARD] for i in range(0, len(names), SHARD)]

@@ -4,6 +4,7 @@ import functools
 import json
 import multiprocessing
 import os
+import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -85,8 +86,14 @@ def crew(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Crew
         yield Crew(None, 1)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, torch.set_num_threads, (1,)) as executor:
+    with ProcessPoolExecutor(jobs, context, start_worker) as executor:
         yield Crew(executor, jobs)
+
+
+def start_worker() -> None:
+    """Set up a process that works: one thread, and Ctrl-C is the business of the one that gives the orders."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    torch.set_num_threads(1)
 
 
 @contextmanager

@@ -9,8 +9,9 @@ import numpy as np
 
 from pcsr.clouds.formats import write_points
 from pcsr.clouds.touch import Touch
-from pcsr.errors import UserError
+from pcsr.errors import RunError, UserError
 from pcsr.files import write_text, write_whole
+from pcsr.recorded.manifest import inside
 from pcsr.recorded.pose import check_matrix
 from pcsr.recorded.reading import MANIFEST
 
@@ -29,11 +30,13 @@ def write(
         overwrite: replace the recording that is there.
 
     Raises:
-        UserError: there is a recording already, or something could not be read again.
+        UserError: there is a recording already, a file of another's would be overwritten, or something could not be
+            read again.
         RunError: a file cannot be written.
     """
     manifest = folder / MANIFEST
-    if manifest.exists() and not overwrite:
+    old = _files_of(manifest)
+    if old is not None and not overwrite:
         raise UserError(f"{folder} holds a recording already: take another folder, or overwrite it")
     units = sorted({float(touch.unit) for touch in touches})
     if len(units) != 1:
@@ -48,14 +51,41 @@ def write(
     head = {"format": 1, "unit": "mm", "object_unit": units[0], "frame": "object", "sensor": touches[0].sensor}
     text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
     text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
-    if overwrite:
+    strange = [file for file in clouds if (folder / file).exists() and file not in (old or ())]
+    if strange:
+        raise UserError(f"{folder / strange[0]} is there already and of no recording: take another folder")
+    try:
         manifest.unlink(missing_ok=True)  # it must never describe another's clouds
+        for file in sorted((old or set()) - clouds.keys()):
+            inside(folder, file).unlink(missing_ok=True)
+    except OSError as error:
+        raise RunError(f"{folder}: the old recording cannot be replaced: {error.strerror or error}") from error
     for file, array in clouds.items():
         if file.endswith(".ply"):
             write_points(folder / file, array)
         else:
             _write_array(folder / file, array)
     write_text(manifest, text)
+
+
+def _files_of(manifest: Path) -> set[str] | None:
+    """The files that a recording which `write` made consists of, besides its manifest; None if there is none.
+
+    Raises:
+        UserError: the folder is a file, or its name is none.
+    """
+    try:
+        if not manifest.exists():
+            if manifest.parent.exists() and not manifest.parent.is_dir():
+                raise UserError(f"{manifest.parent} is a file: a recording is a folder")
+            return None
+        entries = json.loads(manifest.read_text(encoding="utf-8"))["touches"]
+        parts = [part for entry in entries for part in (entry, *entry.get("fingers", ()))]
+        return {str(part[key]) for part in parts for key in ("cloud", "order") if part.get(key)}
+    except OSError as error:
+        raise UserError(f"{manifest.parent} cannot be written to: {error.strerror or error}") from error
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return set()  # somebody else's: none of its files is ours to remove
 
 
 def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:

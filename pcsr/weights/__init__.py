@@ -1,8 +1,17 @@
-"""The weights that come with pcsr, a file for each recipe; each file's header holds its recipe and its metrics."""
+"""The weights that come with pcsr, a file for each recipe; each file's header holds its recipe."""
 
 from pathlib import Path
 
+DEFAULT = "tapsr"
+"""What is used where no model is named."""
+HERE = Path(__file__).parent
 
-def shipped(name: str) -> Path:
-    """Where the weights of recipe `name` are, or would be."""
-    return Path(__file__).with_name(f"{name}.safetensors")
+
+def shipped(recipe: str) -> Path:
+    """Where the shipped weights of a recipe of this name are, if there are any."""
+    return HERE / f"{recipe}.safetensors"
+
+
+def names() -> list[str]:
+    """Of all shipped weights."""
+    return sorted(path.stem for path in HERE.glob("*.safetensors"))

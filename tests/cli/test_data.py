@@ -27,7 +27,7 @@ def test_make_builds_every_split_and_says_what_is_in_them(data, tmp_path):
     done = data("make", "balls", "-o", tmp_path, settings=[*SMALL, "count=5", "held_out=1", "bad=[2]"])
     assert done.exit_code == 0, done.output
     assert "16 points to 64 (poisson; sparse: random), 2 touches, seed 0" in done.output
-    assert "left out of train, 1x: …: a bad ball" in done.output
+    assert "left out of train: train/002: a bad ball" in done.output
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {split: about["objects"] for split, about in manifest["splits"].items()} == {
         "train": 4,
@@ -66,7 +66,7 @@ def test_make_takes_a_folder_of_meshes(data, tmp_path):
 def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, tmp_path):
     done = data("make", "balls", "-o", tmp_path, settings=[*SMALL, "count=2", "bad=[0, 1]"])
     assert done.exit_code == 2
-    assert "left out of train, 2x: …: a bad ball" in done.output
+    assert "left out of train: 2 such as train/000: a bad ball" in done.output
     assert "none of the objects of 'balls' could be used" in done.output
 
 

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
+import numpy as np
 import trimesh
 
 from pcsr import Item, Shapes, UserError
@@ -138,8 +139,13 @@ def _load(path: Path) -> trimesh.Trimesh:
         for geometry in scene.geometry.values():
             geometry.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
         loaded = scene.to_mesh()
+    except ImportError as error:  # trimesh looks for help with what it cannot make sense of
+        raise UserError(
+            f"{path} cannot be read as a mesh: it is damaged, or no {path.suffix or 'mesh'}; {_suffixes()} are read"
+        ) from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         raise UserError(f"{path} cannot be read as a mesh: {type(error).__name__}: {error}") from error
     mesh = check_mesh(loaded, str(path))
-    mesh.merge_vertices(merge_norm=True)
-    return mesh
+    # Equal to the last bit: trimesh's own merging has a grid of 1e-8, in whatever unit the file is.
+    corners, of = np.unique(np.asarray(mesh.vertices, np.float64), axis=0, return_inverse=True)
+    return trimesh.Trimesh(corners, of.reshape(-1)[np.asarray(mesh.faces)], process=False)

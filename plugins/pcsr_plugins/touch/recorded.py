@@ -1,5 +1,6 @@
 """Touch source `recorded`: touches that people recorded, as docs/recorded.md describes."""
 
+import hashlib
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -16,6 +17,8 @@ class Recorded(TouchSource):
 
     Each touch is thinned with a random stream of its own, so that fewer are a prefix of more.
     """
+
+    places = frozenset({"folder"})
 
     def __init__(self, *, folder: str, points: Annotated[int, Field(ge=1)] = 512) -> None:
         """Look at nothing but whether the folder is there.
@@ -45,14 +48,27 @@ class Recorded(TouchSource):
         recording = read(folder)
         there = len(recording.touches)
         if there < count:
-            reasons = "".join(f"\n  {name}: {reason}" for name, reason in recording.skipped.items())
-            left = f"; left out were{reasons}" if reasons else ""
+            reasons = "; ".join(f"{name}: {reason}" for name, reason in recording.skipped.items())
+            left = f"; left out were {reasons}" if reasons else ""
             raise UserError(f"{item.name}: {count} touches are asked for, and {folder} holds {there} of use{left}")
         order = np.random.default_rng(seed).permutation(there)[:count]
         return [
             recording.touches[index].thinned(self.points, np.random.default_rng((seed, number)))
             for number, index in enumerate(order)
         ]
+
+    def digest(self, name: str) -> str:
+        """Hash of the recording: of its files' names and contents."""
+        try:
+            folder = self._folder_of(name)
+        except UserError:
+            return "missing"
+        whole = hashlib.sha256()
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            with path.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+            whole.update(f"{path.relative_to(folder).as_posix()} {content}\n".encode())
+        return whole.hexdigest()
 
     def _folder_of(self, name: str) -> Path:
         if (self.folder / MANIFEST).is_file():

@@ -1,15 +1,23 @@
 """Periodic shuffling and a coordinate MLP: TAPSR, Sec. 3.5, after PU-Transformer's tail.
 
 (b n c) becomes (b r·n c/r), and "another MLP is applied to estimate the 3D coordinates". Both papers say
-coordinates; `start: point` predicts the way from the input point instead (PAPER.md, "Coordinates").
+coordinates; `start: point` predicts the way from the input point instead, and `start: neighbours` the way from
+places that lead to its neighbours (PAPER.md, "Coordinates").
 """
 
 from typing import Literal
 
+import torch
 from torch import nn
 
 from pcsr import Trait, Upsampler, UserError, Widths
+from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Dense, Features, Points
+
+SPOKES = 8
+"""Neighbours that new points start towards."""
+FARTHEST = 0.4
+"""The share of the way to them at which the outermost start; beyond a half they would be the neighbour's."""
 
 
 class Shuffle(Upsampler):
@@ -17,7 +25,9 @@ class Shuffle(Upsampler):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, hidden: int = 64, start: Literal["origin", "point"] = "origin") -> None:
+    def __init__(
+        self, widths: Widths, *, hidden: int = 64, start: Literal["origin", "point", "neighbours"] = "origin"
+    ) -> None:
         super().__init__()
         self.rate = widths.rate
         self.start = start
@@ -26,7 +36,11 @@ class Shuffle(Upsampler):
                 f"upsampler 'shuffle' cuts the backbone's {widths.refined} channels into {widths.rate} equal pieces, "
                 f"which leaves {widths.refined % widths.rate} over: choose a rate that divides {widths.refined}"
             )
-        self.mlp = nn.Sequential(nn.Linear(widths.refined // widths.rate, hidden), nn.ReLU(), nn.Linear(hidden, 3))
+        last = nn.Linear(hidden, 3)
+        if start == "neighbours":  # before training the output is the fan itself, which is no bad interpolation
+            nn.init.zeros_(last.weight)
+            nn.init.zeros_(last.bias)
+        self.mlp = nn.Sequential(nn.Linear(widths.refined // widths.rate, hidden), nn.ReLU(), last)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Shuffle and reconstruct."""
@@ -34,4 +48,19 @@ class Shuffle(Upsampler):
             raise UserError(f"this 'shuffle' was built for rate {self.rate}, not {rate}: train one for rate {rate}")
         b, n, c = features.shape
         dense: Dense = self.mlp(features.reshape(b, n * rate, c // rate))
-        return dense if self.start == "origin" else dense + points.repeat_interleave(rate, dim=1)
+        if self.start == "origin":
+            return dense
+        return dense + (fan(points, rate) if self.start == "neighbours" else points.repeat_interleave(rate, dim=1))
+
+
+def fan(points: Points, rate: int) -> Dense:
+    """For each point `rate` places on the ways to its nearest neighbours, in rings: 0.4 and 0.2 of the way for 16.
+
+    Each place is nearest to its own point, so that no two fans hold the same place.
+    """
+    spokes = min(SPOKES, rate, points.shape[1] - 1)
+    rings = -(-rate // spokes)
+    shares = FARTHEST * (1 - torch.arange(rings, device=points.device) / rings)
+    ways = gather(points, knn(points, points, spokes + 1)[..., 1:]) - points.unsqueeze(2)  # (b n spokes 3)
+    places = points[:, :, None, None] + shares[:, None, None].to(points.dtype) * ways.unsqueeze(2)
+    return places.flatten(2, 3)[:, :, :rate].flatten(1, 2)

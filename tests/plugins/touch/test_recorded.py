@@ -95,8 +95,8 @@ def test_too_few_touches_are_counted_with_what_was_left_out(tmp_path):
     with pytest.raises(UserError) as caught:
         felt(tmp_path, 3)
     message = str(caught.value)
-    assert message.startswith(f"part: 3 touches are asked for, and {tmp_path} holds 2 of use; left out were\n  b: ")
-    assert "1.ply cannot be read" in message
+    assert message.startswith(f"part: 3 touches are asked for, and {tmp_path} holds 2 of use; left out were b: ")
+    assert "1.ply: it cannot be read" in message
     assert len(felt(tmp_path, 2)) == 2
 
 
@@ -117,3 +117,14 @@ def test_its_options_are_what_yaml_can_write():
     assert options.model_validate_json('{"folder": "x"}').points == 512
     with pytest.raises(ValueError, match="points"):
         options.model_validate_json('{"folder": "x", "points": 0}')
+
+
+def test_another_recording_is_another_digest_wherever_it_lies(tmp_path):
+    for place in ("here", "there"):
+        write(tmp_path / place / "part", patches(2), ["a", "b"])
+    here, there = (Recorded(folder=str(tmp_path / place)) for place in ("here", "there"))
+    assert here.digest("part") == there.digest("part") != "missing"
+    assert here.digest("other") == "missing"
+    manifest = tmp_path / "there" / "part" / "touches.json"
+    manifest.write_text(manifest.read_text().replace('"a"', '"c"'))
+    assert here.digest("part") != there.digest("part")

@@ -1,0 +1,126 @@
+"""`pcsr upsample`: a person's own cloud, made dense."""
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from pcsr.cli.options import FILE
+from pcsr.errors import UserError
+
+PIPE = Path("-")
+
+
+@click.command()
+@click.argument("cloud", type=FILE, metavar="IN")
+@click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="The dense cloud; - for a pipe.")
+@click.option("--rate", type=float, default=None, help="Points that come out for each, 1.1 to 64.  [default: 4]")
+@click.option("--points", "count", type=int, default=None, help="Points that come out, instead of a rate.")
+@click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
+@click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: tapsr]")
+@click.option("--replace", is_flag=True, help="Leave the old points out; all that come out are new.")
+@click.option(
+    "--bad",
+    type=click.Choice(["refuse", "drop"]),
+    default="refuse",
+    show_default=True,
+    help="What to do with points that are not finite.",
+)
+@click.option("--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe.")
+@click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
+@click.option(
+    "--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores, if it pays]"
+)
+@click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
+@click.option("--plugin", "plugins", multiple=True, type=FILE, metavar="FILE", help="Parts that the weights need.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+def upsample(
+    cloud: Path,
+    out: Path,
+    rate: float | None,
+    count: int | None,
+    touch: Path | None,
+    model: str | None,
+    replace: bool,
+    bad: Literal["refuse", "drop"],
+    suffix: str,
+    device: str,
+    jobs: int | None,
+    scheduler: str | None,
+    plugins: tuple[Path, ...],
+    quiet: bool,
+) -> None:
+    """Make the cloud IN dense and write it to OUT.
+
+    Frame and unit stay. The old points are kept, and what they have besides coordinates, such as colours, the new
+    ones get from their neighbours. Formats go by suffix: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS and LAZ; OBJ, STL, GLB
+    and OFF are read too.
+    """
+    import time
+
+    from rich.console import Console
+
+    from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, writable, write_cloud
+    from pcsr.library import load
+    from pcsr.progress import progress_bars
+    from pcsr.recorded import read
+
+    start = time.perf_counter()
+    console = Console(stderr=True, quiet=quiet)
+    kind = f".{suffix.lstrip('.')}"
+    writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
+    given = (
+        read_cloud_bytes(click.get_binary_stream("stdin").read(), kind, "what came through the pipe", bad=bad)
+        if cloud == PIPE
+        else read_cloud(cloud, bad=bad)
+    )
+    if given.about.get("dropped"):
+        console.print(f"{given.about['dropped']} points were not finite and are left out", style="yellow")
+    touches = []
+    if touch is not None:
+        recording = read(touch)
+        touches = recording.touches
+        for name, reason in recording.skipped.items():
+            console.print(f"touch {name} is left out: {reason}", style="yellow", markup=False, soft_wrap=True)
+    made = load(model, plugins=plugins, device=_device(device))
+    with progress_bars(console, hidden=quiet) as progress:
+        task = progress.add_task("upsampling", total=len(given.points))
+        new = made.new_points(
+            given.points,
+            touches,
+            rate,
+            count=count,
+            keep=not replace,
+            jobs=jobs or _jobs(len(given.points), device),
+            scheduler=scheduler,
+            advance=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+        dense = given.with_new(new, keep=not replace)
+    if out == PIPE:
+        click.get_binary_stream("stdout").write(cloud_bytes(dense, kind))
+    else:
+        write_cloud(out, dense)
+    seconds = time.perf_counter() - start
+    felt = f" and {len(touches)} touches" if touches else ""
+    console.print(
+        f"{len(given.points)} points{felt} to {len(dense.points)} by {made.name} in {seconds:.1f} s: {out}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _device(name: str) -> str:
+    import torch
+
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    if name.startswith("cuda") and not torch.cuda.is_available():
+        raise UserError(f"--device {name}: torch finds no CUDA device here; use cpu, or install torch for CUDA")
+    return name
+
+
+def _jobs(count: int, device: str) -> int:
+    """As many processes as cores, where there is so much to do that starting them pays."""
+    import os
+
+    return (os.cpu_count() or 1) if count > 20_000 and device in ("auto", "cpu") else 1

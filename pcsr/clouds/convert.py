@@ -1,0 +1,106 @@
+"""Clouds as other libraries hold them: numpy, torch, trimesh and Open3D, there and back."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.clouds.carry import carry
+from pcsr.errors import UserError
+
+
+@dataclass(frozen=True)
+class Converted:
+    """The points of somebody's cloud."""
+
+    points: Float[np.ndarray, "n 3"]
+    """Doubles."""
+    back: Callable[[Float[np.ndarray, "new 3"], bool], Any]
+    """New points, with the old ones before them if told so, to a cloud of the kind that came in."""
+
+
+def convert(cloud: Any) -> Converted:
+    """The points of a cloud of any known kind.
+
+    Raises:
+        UserError: it is of no known kind, or not of shape (n, 3).
+    """
+    module = type(cloud).__module__.partition(".")[0]
+    if module == "torch":
+        return _torch(cloud)
+    if module == "trimesh":
+        return _trimesh(cloud)
+    if module == "open3d":
+        return _open3d(cloud)
+    try:
+        array = np.asarray(cloud)
+        points = _checked(array.astype(np.float64))
+    except (TypeError, ValueError) as error:
+        raise UserError(
+            f"a {type(cloud).__name__} is no cloud: give an array or tensor (n, 3), a trimesh or an Open3D cloud"
+        ) from error
+    kind = array.dtype if array.dtype.kind == "f" else np.dtype(np.float64)
+
+    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
+        return np.concatenate([array, new]).astype(kind) if keep else new.astype(kind)
+
+    return Converted(points, back)
+
+
+def _checked(points: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise UserError(f"a cloud has the shape (n, 3), got {points.shape}: one row for each point")
+    return points
+
+
+def _torch(cloud: Any) -> Converted:
+    import torch
+
+    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
+        kind = cloud.dtype if cloud.is_floating_point() else torch.float64
+        made = torch.from_numpy(new).to(cloud.device, kind)
+        return torch.cat([cloud.detach().to(kind), made]) if keep else made
+
+    return Converted(_checked(cloud.detach().cpu().double().numpy()), back)
+
+
+def _trimesh(cloud: Any) -> Converted:
+    import trimesh
+
+    if not hasattr(cloud, "vertices"):
+        raise UserError(f"a trimesh {type(cloud).__name__} has no vertices: give a PointCloud or a Trimesh")
+    points = _checked(np.asarray(cloud.vertices, np.float64))
+    colours = np.asarray(cloud.visual.vertex_colors) if hasattr(cloud, "visual") else np.zeros(0)
+
+    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
+        columns = {}
+        if colours.shape[:1] == points.shape[:1]:
+            columns = carry({"colour": colours}, points, new)
+        told = columns.get("colour")
+        if keep:
+            told = None if told is None else np.concatenate([colours, told])
+            new = np.concatenate([points, new])
+        return trimesh.PointCloud(new, colors=told)
+
+    return Converted(points, back)
+
+
+def _open3d(cloud: Any) -> Converted:
+    points = _checked(np.asarray(cloud.points, np.float64))
+    columns = {name: np.asarray(getattr(cloud, name)) for name in ("colors", "normals") if len(getattr(cloud, name))}
+
+    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
+        import open3d
+
+        told = carry(columns, points, new)
+        if keep:
+            told = {name: np.concatenate([columns[name], told[name]]) for name in columns}
+            new = np.concatenate([points, new])
+        made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(new))
+        for name, column in told.items():
+            setattr(made, name, open3d.utility.Vector3dVector(column))
+        return made
+
+    return Converted(points, back)

@@ -1,0 +1,274 @@
+"""pcsr from Python: load a model, upsample clouds of any kind and size, measure the result."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from pcsr import weights
+from pcsr.checkpoint import load_weights
+from pcsr.clouds.convert import convert
+from pcsr.clouds.touch import Touch
+from pcsr.data.workers import crew
+from pcsr.errors import UserError, did_you_mean
+from pcsr.geometry.frames import UnitSphere
+from pcsr.metrics import METRICS, Mesh
+from pcsr.model import Network
+from pcsr.plugins import load_plugins
+from pcsr.recipe import Recipe
+from pcsr.recorded import read
+from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
+from pcsr.upsample.dense import densify
+
+INTERPOLATION = "midpoint"
+"""The name of what needs no weights."""
+WEIGHTS = "weights.safetensors"
+FAR = 1.0
+"""A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
+RATES = (1.1, 64.0)
+
+Touches = str | Path | Sequence[Touch] | Sequence[Float[np.ndarray, "_ 3"]]
+
+
+@dataclass(frozen=True)
+class Model:
+    """What makes clouds dense: a network with its weights, or interpolation."""
+
+    name: str
+    network: Network | None
+    """In `eval` mode; None for interpolation."""
+    recipe: Recipe | None
+    card: dict[str, Any]
+    """What the weights' file says of them."""
+    path: Path | None
+    plugins: tuple[Path, ...]
+
+    def upsample(
+        self,
+        points: Any,
+        touches: Touches = (),
+        rate: float | None = None,
+        *,
+        count: int | None = None,
+        keep: bool = True,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        advance: Callable[[int, int], None] = lambda done, total: None,
+    ) -> Any:
+        """Make a cloud dense, whatever its size.
+
+        Args:
+            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud.
+            touches: in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a recording.
+            rate: points that come out for each that goes in, 1.1 to 64; 4 if neither it nor `count` is given.
+            count: how many come out, instead of a rate.
+            keep: the old points come first, and new ones follow; otherwise all are new.
+            jobs: processes.
+            scheduler: address of a Dask scheduler whose workers do the work.
+            advance: called with the points that are done and all of them.
+
+        Returns:
+            A cloud of the same kind, in the same frame and unit; what colours and normals it had, the new points have
+            from their neighbours.
+
+        Raises:
+            UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
+        """
+        given = convert(points)
+        new = self.new_points(
+            given.points,
+            touches,
+            rate,
+            count=count,
+            keep=keep,
+            jobs=jobs,
+            scheduler=scheduler,
+            advance=advance,
+        )
+        return given.back(new, keep)
+
+    def new_points(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        touches: Touches = (),
+        rate: float | None = None,
+        *,
+        count: int | None = None,
+        keep: bool = True,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        advance: Callable[[int, int], None] = lambda done, total: None,
+    ) -> Float[np.ndarray, "new 3"]:
+        """As `upsample`, but the new points alone."""
+        cloud = np.asarray(points, np.float64)
+        bad = int((~np.isfinite(cloud).all(axis=1)).sum())
+        if bad:
+            raise UserError(
+                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
+            )
+        wanted = _count(len(cloud), rate, count)
+        felt = _felt(touches, cloud)
+        with crew(jobs, scheduler) as workers:
+            source = self._candidates(alone=workers.executor is None)
+            return densify(cloud, wanted, source, touches=felt, keep=keep, crew=workers, advance=advance)
+
+    def _candidates(self, *, alone: bool) -> Candidates:
+        if self.network is None or self.recipe is None:
+            return Midpoints()
+        if alone:
+            return Networked.of(self.network, self.recipe)
+        if self.path is None:
+            raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
+        return Stored(self.path.resolve(), self.plugins, self.recipe.data.points, self.recipe.data.rate)
+
+
+def load(
+    model: str | Path | None = None, *, plugins: Sequence[str | Path] = (), device: str | torch.device = "cpu"
+) -> Model:
+    """A model ready for use.
+
+    Args:
+        model: a name (`tapsr`, or `midpoint` for interpolation), a run folder, a weights file, or `org/name` on the
+            Hugging Face hub (extra `[hub]`); the default weights if not given.
+        plugins: Python files with parts that the weights need.
+        device: where to compute.
+
+    Raises:
+        UserError: there is no such model, its file is damaged, or a part that it needs is not installed.
+    """
+    files = tuple(Path(file) for file in plugins)
+    name = weights.DEFAULT if model is None else str(model)
+    if name == INTERPOLATION:
+        return Model(name, None, None, {}, None, files)
+    path = _found(name)
+    network, recipe, card = load_weights(path, load_plugins(files))
+    try:
+        network.to(device)
+    except (RuntimeError, AssertionError) as error:
+        raise UserError(f"device '{device}' cannot be used: {str(error).splitlines()[0]}") from error
+    return Model(name, network, recipe, card, path, files)
+
+
+def evaluate(
+    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | None = None
+) -> dict[str, float]:
+    """Every metric of a cloud by its name, unscaled.
+
+    Args:
+        prediction: the cloud to judge, of any kind that `Model.upsample` takes.
+        truth: the true cloud.
+        mesh: the true surface (trimesh, or vertices and faces), for the metrics that need it.
+        frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
+            cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
+        metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size.
+
+    Raises:
+        UserError: an unknown name or frame, or a metric that cannot be measured.
+    """
+    clouds = [convert(cloud).points for cloud in (prediction, truth)]
+    frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
+    if frame not in frames:
+        raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
+    surface = _surface(mesh)
+    if metrics is None:
+        sizes = len(clouds[0]) == len(clouds[1])
+        metrics = [
+            name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and (sizes or name != "emd")
+        ]
+    spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [UnitSphere(np.zeros(3), 1.0)] * 2
+    tensors = [
+        torch.from_numpy((cloud - sphere.centre) / sphere.radius)[None]
+        for cloud, sphere in zip(clouds, spheres, strict=True)
+    ]
+    values = {}
+    for name in metrics:
+        if name not in METRICS:
+            raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
+        metric = METRICS[name]
+        if metric.needs_mesh and frame == "each":
+            values[name] = metric(torch.from_numpy(clouds[0])[None], tensors[1], surface)
+        elif metric.needs_mesh and surface is not None:
+            scaled = (surface[0] - spheres[1].centre) / spheres[1].radius, surface[1]
+            values[name] = metric(tensors[0], tensors[1], scaled)
+        else:
+            values[name] = metric(tensors[0], tensors[1], surface)
+    return values
+
+
+def _found(name: str) -> Path:
+    """The weights file that a person means."""
+    path = Path(name).expanduser()
+    if path.is_dir():
+        path = path / WEIGHTS
+        if not path.is_file():
+            raise UserError(f"the folder {name} holds no {WEIGHTS}: give the folder of a finished run, or a file")
+        return path
+    if path.is_file():
+        return path
+    if weights.shipped(name).is_file():
+        return weights.shipped(name)
+    if name.count("/") == 1 and not path.suffix and not path.parent.exists():
+        return _from_hub(name)
+    known = [INTERPOLATION, *weights.names()]
+    raise UserError(f"there is no model '{name}', neither a file nor a folder nor a name: {did_you_mean(name, known)}")
+
+
+def _from_hub(name: str) -> Path:
+    try:
+        from huggingface_hub import hf_hub_download
+    except ImportError as error:
+        raise UserError(
+            f"model '{name}' is no file here; if it is on the hub: pip install 'pcsr[hub]' fetches it"
+        ) from error
+    try:
+        return Path(hf_hub_download(name, WEIGHTS))
+    except Exception as error:  # whatever the network and the hub may say
+        raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
+
+
+def _count(n: int, rate: float | None, count: int | None) -> int:
+    if rate is not None and count is not None:
+        raise UserError(f"rate {rate:g} and count {count} say the same thing twice: give one of them")
+    if count is not None:
+        if count < 1:
+            raise UserError(f"count is {count}: at least one point must come out")
+        if count > RATES[1] * n:
+            raise UserError(f"count is {count}, more than {RATES[1]:g} times the cloud's {n} points: ask for fewer")
+        return count
+    rate = 4.0 if rate is None else float(rate)
+    if not RATES[0] <= rate <= RATES[1]:
+        raise UserError(f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for other numbers give a count")
+    return round(rate * n)
+
+
+def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "_ 3"]]:
+    """The points of each touch, in the cloud's frame."""
+    if isinstance(touches, str | Path):
+        touches = read(Path(touches)).touches
+    felt = [np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).points) for touch in touches]
+    if not felt:
+        return []
+    middle = cloud.mean(0)
+    radius = float(np.linalg.norm(cloud - middle, axis=1).max())
+    for number, touch in enumerate(felt):
+        if len(touch) == 0 or not np.isfinite(touch).all():
+            raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
+        own = float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+        away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
+        if away > FAR * radius or own > 2 * radius:
+            raise UserError(
+                f"touch {number} is {2 * own:.4g} across and lies {max(away, 0.0):.4g} away from the cloud, which is "
+                f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
+            )
+    return felt
+
+
+def _surface(mesh: Any) -> Mesh | None:
+    if mesh is None:
+        return None
+    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
+    return np.asarray(vertices, np.float64), np.asarray(faces, np.int64)

@@ -1,0 +1,143 @@
+"""A cloud of any size to any number of points, patch by patch."""
+
+import functools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pcsr.data.workers import Crew
+from pcsr.errors import UserError
+from pcsr.geometry.patches import OwnFrame, patches
+from pcsr.upsample.candidates import Candidates, Cloud
+from pcsr.upsample.gaps import between, near, spread_out
+
+FEWEST = 16
+"""Points that a cloud must have."""
+ALONE = Crew(None, 1)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One patch, and how many new points its core is to get."""
+
+    points: Cloud
+    core: int
+    touches: list[Cloud]
+    count: int
+
+
+def densify(
+    points: Float[np.ndarray, "n 3"],
+    count: int,
+    source: Candidates,
+    *,
+    touches: Sequence[Cloud] = (),
+    keep: bool = True,
+    crew: Crew = ALONE,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+) -> Float[np.ndarray, "new 3"]:
+    """The points that make a cloud one of `count`.
+
+    Patches are independent of each other: each chooses, among the candidates nearest to its core's points, those that
+    fill the gaps best. Each core gets new points in proportion to its own, so the cloud's density keeps its pattern.
+
+    Args:
+        points: the cloud, in any frame and unit; finite.
+        count: points in all: the old and the new, or the new alone.
+        source: where candidates come from.
+        touches: touched points in the frame and unit of `points`.
+        keep: whether the old points are among the `count`.
+        crew: who works on the patches.
+        advance: called after each patch, with the points of the cloud that are done and all of them.
+
+    Returns:
+        The new points: `count` less the cloud's if these are kept. The order follows the cloud's shape.
+
+    Raises:
+        UserError: too few points, all of them on one spot, or a count that cannot be reached.
+    """
+    cloud = np.asarray(points, np.float64)
+    n = len(cloud)
+    if n < FEWEST:
+        raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed to know a surface by")
+    if (cloud == cloud[0]).all():
+        raise UserError(f"all {n} points of the cloud lie on one spot, {cloud[0].tolist()}")
+    new = count - n if keep else count
+    if new < 0:
+        raise UserError(f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones")
+    made: list[Cloud] = []
+    while new > source.rate * n:  # in as many passes as it takes
+        # Equal steps, each as large as the source can go.
+        passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
+        step = round(n * (new / n + 1) ** (1 / passes)) - n
+        added = _one_pass(cloud, step, source, touches, True, crew, advance)
+        if keep:
+            made.append(added)
+        cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
+    made.append(_one_pass(cloud, new, source, touches, keep, crew, advance))
+    return np.concatenate(made)
+
+
+def _one_pass(
+    cloud: Cloud,
+    new: int,
+    source: Candidates,
+    touches: Sequence[Cloud],
+    keep: bool,
+    crew: Crew,
+    advance: Callable[[int, int], None],
+) -> Cloud:
+    done = 0
+    made: list[Cloud] = []
+    work = functools.partial(_fill, source, keep)
+    cores: list[int] = []
+    for filled in crew.map(work, _tasks(cloud, new, source, touches, cores)):
+        done += cores[len(made)]
+        made.append(filled)
+        advance(done, len(cloud))
+    return np.concatenate(made)
+
+
+def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud], cores: list[int]) -> Iterator[Task]:
+    before = 0
+    for patch in patches(cloud, source.size, source.size // 2):
+        points = cloud[patch.rows]
+        share = (before + patch.core) * new // len(cloud) - before * new // len(cloud)
+        before += patch.core
+        cores.append(patch.core)
+        met = list(touches) if patch.core == len(cloud) else _met(points, touches)
+        yield Task(points, patch.core, met, share)
+
+
+def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
+    """What the patch has of each touch that reaches into it."""
+    centre = points.mean(0)
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    inside = [touch[np.linalg.norm(touch - centre, axis=1) <= radius] for touch in touches]
+    return [touch for touch in inside if len(touch)]
+
+
+def _fill(source: Candidates, keep: bool, task: Task) -> Cloud:
+    """The new points of one patch's core, found in the patch's own frame."""
+    if task.count == 0:
+        return np.zeros((0, 3))
+    frame = OwnFrame.of(task.points)
+    points = frame.into(task.points)
+    order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
+    points = points[order]
+    candidates = source(points, [frame.into(touch) for touch in task.touches])
+    close, nearest = near(candidates, points)
+    candidates, nearest = candidates[close], nearest[close]
+    mine = nearest < task.core
+    known = points if keep else np.zeros((0, 3))
+    chosen = candidates[spread_out(candidates, known, mine, task.count)] if len(candidates) else np.zeros((0, 3))
+    missing = between(points, task.core, task.count - len(chosen))
+    return frame.back(np.concatenate([chosen, missing]))
+
+
+def _sorted(points: Cloud) -> Int[np.ndarray, " n"]:
+    """An order that does not hang on the one that the points came in."""
+    return np.lexsort(points.T)

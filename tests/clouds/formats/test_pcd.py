@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+from pypcd4 import Encoding, PointCloud
+
+from pcsr import UserError
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+
+ENCODINGS = ["ascii", "binary", "binary_compressed"]
+POINTS = np.array([[0.5, 1, 2], [3, 4.25, 5]])
+COLOURS = np.tile(np.array([[255, 0, 7], [1, 2, 3]], np.uint8), (40, 1))
+PACKED = [(255 << 16) + 7, (1 << 16) + (2 << 8) + 3] * 40
+
+
+def pcd(fields, sizes, types, counts, rows, data="ascii", more=""):
+    n = len(rows)
+    head = f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\nSIZE {sizes}\nTYPE {types}\nCOUNT {counts}\nWIDTH {n}\n"
+    head += f"HEIGHT 1\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS {n}\nDATA {data}\n"
+    return (head + "".join(f"{row}\n" for row in rows) + more).encode()
+
+
+def read(data):
+    return read_cloud_bytes(data, ".pcd", "it")
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("name", ["rgb", "rgba"])
+@pytest.mark.parametrize("kind", [np.float32, np.uint32])
+def test_packed_colours_are_unpacked_and_packed_again(tmp_path, encoding, name, kind):
+    packed = np.array(PACKED, np.uint32) + (np.uint32(9 << 24) if name == "rgba" else np.uint32(0))
+    points = np.tile(POINTS, (40, 1))  # so many that compressing them pays
+    fields = [*points.astype("f4").T, packed.view(kind), np.tile(np.array([5, -6], np.int16), 40)]
+    cloud = PointCloud.from_points(fields, ("x", "y", "z", name, "label"), (*[np.float32] * 3, kind, np.int16))
+    cloud.save(tmp_path / "a.pcd", Encoding(encoding))
+    data = (tmp_path / "a.pcd").read_bytes()
+    if encoding == "ascii":  # pypcd4 itself writes floats of few digits
+        words = [str(value) for value in packed.view(kind)]
+        data = data.partition(b"ascii\n")[0] + b"ascii\n"
+        data += "".join(
+            f"{x} {y} {z} {w} {i}\n" for (x, y, z), w, i in zip(points, words, fields[4], strict=True)
+        ).encode()
+    mine = read(data)
+    assert mine.points.tolist() == points.tolist()
+    assert list(mine.columns) == ["red", "green", "blue", *(["alpha"] if name == "rgba" else []), "label"]
+    np.testing.assert_array_equal(np.stack([mine.columns[c] for c in ("red", "green", "blue")], 1), COLOURS)
+    assert {column.dtype.str[1:] for column in mine.columns.values()} == {"u1", "i2"}
+    assert mine.columns.get("alpha", np.full(80, 9)).tolist() == [9] * 80
+    again = cloud_bytes(mine, ".pcd")
+    (tmp_path / "b.pcd").write_bytes(again)
+    theirs = PointCloud.from_path(tmp_path / "b.pcd")
+    assert theirs.fields == ("x", "y", "z", name, "label")
+    assert theirs.metadata.data == encoding
+    assert theirs.metadata.size == (4, 4, 4, 4, 2)
+    np.testing.assert_array_equal(theirs.pc_data[name].copy().view(np.uint32), packed)
+    if name == "rgb":
+        assert theirs.types[3] == kind
+
+
+def test_colours_that_were_apart_stay_apart():
+    data = pcd("x y z red green blue", "4 4 4 1 1 1", "F F F U U U", "1 1 1 1 1 1", ["1 2 3 4 5 6"])
+    assert b"FIELDS x y z red green blue\n" in cloud_bytes(read(data), ".pcd")
+    free = Cloud(read(data).points, read(data).columns)
+    assert b"FIELDS x y z rgb\n" in cloud_bytes(free, ".pcd")
+    wide = Cloud(free.points, {name: column.astype("u2") for name, column in free.columns.items()})
+    assert b"FIELDS x y z red green blue\n" in cloud_bytes(wide, ".pcd")
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_fields_of_several_numbers_normals_and_padding(encoding):
+    data = pcd(
+        "_ x y z normal_x normal_y normal_z fpfh _",
+        "1 4 4 4 4 4 4 4 4",
+        "U F F F F F F F F",
+        "3 1 1 1 1 1 1 2 1",
+        ["0 0 0 0.5 1 2 0 0 1 7 8 0", "0 0 0 3 4.25 5 0 1 0 9 10 0"],
+    )
+    cloud = read(data)
+    assert list(cloud.columns) == ["nx", "ny", "nz", "fpfh"]
+    assert cloud.columns["fpfh"].tolist() == [[7, 8], [9, 10]]
+    assert cloud.about["pcd"]["viewpoint"] == (1, 2, 3, 1, 0, 0, 0)
+    about = {"pcd": {**cloud.about["pcd"], "encoding": encoding}}
+    out = cloud_bytes(Cloud(cloud.points, cloud.columns, about), ".pcd")
+    assert b"FIELDS x y z normal_x normal_y normal_z fpfh\nSIZE 4 4 4 4 4 4 4\n" in out
+    assert b"VIEWPOINT 1.0 2.0 3.0 1.0 0.0 0.0 0.0\n" in out
+    assert f"DATA {encoding}\n".encode() in out
+    again = read(out)
+    assert again.points.tolist() == POINTS.tolist()
+    assert {name: column.tolist() for name, column in again.columns.items()} == {
+        name: column.tolist() for name, column in cloud.columns.items()
+    }
+
+
+def test_coordinates_are_floats_only_where_nothing_is_lost():
+    cloud = read(pcd("x y z", "4 4 4", "F F F", "1 1 1", ["0.5 1 2"]))
+    assert b"SIZE 4 4 4\n" in cloud_bytes(cloud, ".pcd")
+    for points in (cloud.points + 0.1, cloud.points + 1e300):
+        out = cloud_bytes(Cloud(points, {}, cloud.about), ".pcd")
+        assert b"SIZE 8 8 8\n" in out
+        assert read(out).points.tobytes() == points.tobytes()
+
+
+def test_names_and_types_that_pcd_lacks_take_others():
+    columns = {"C2C (m)": np.ones(2, bool), "_": np.ones(2, np.float16), "a/b": np.ones(2, np.longdouble)}
+    again = read(cloud_bytes(Cloud(POINTS, columns), ".pcd"))
+    assert {name: column.dtype.str[1:] for name, column in again.columns.items()} == {
+        "C2C__m_": "u1",
+        "column": "f4",
+        "a_b": "f8",
+    }
+    with pytest.raises(UserError, match=r"column 'none' has no numbers: a \.pcd holds no such field"):
+        cloud_bytes(Cloud(POINTS, {"none": np.zeros((2, 0))}), ".pcd")
+
+
+def test_what_is_missing_is_said():
+    with pytest.raises(UserError, match="it has no field z, only x, y"):
+        read(pcd("x y", "4 4", "F F", "1 1", ["1 2"]))
+    with pytest.raises(UserError, match=r"it cannot be read as a \.pcd cloud"):
+        read(pcd("x y z x", "4 4 4 4", "F F F F", "1 1 1 1", ["1 2 3 4"]))
+    with pytest.raises(UserError, match="cut off: 1 of its 2"):
+        read(pcd("x y z", "4 4 4", "F F F", "1 1 1", ["1 2 3", ""]))

@@ -1,0 +1,223 @@
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr import UserError
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes, write_cloud
+from pcsr.clouds.formats.ply import TYPES, smallest
+
+FULL = (
+    "ply\nformat {encoding} 1.0\ncomment by hand: ä\nobj_info scan 7\n"
+    "element camera 2\nproperty float focus\nproperty list uchar int pixels\n"
+    "element vertex 3\nproperty float x\nproperty uchar red\nproperty float y\nproperty int16 label\n"
+    "property float z\nproperty double time\nproperty list uint8 float32 w\n"
+    "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+)
+ROWS = [
+    (0.5, 255, 1.25, -7, 2.0, 0.1, (1.5, 2.5)),
+    (1.0, 0, 2.0, 300, 3.0, 1e300, (0.0, -1.0)),
+    (4, 5, 6, 7, 8, 9, (8, 9)),
+]
+
+
+def full(encoding, cameras=((1.5, (1, 2, 3)), (2.5, (4,))), header=FULL):
+    """A file with all that a PLY can have, its bytes put together one by one."""
+    body = b""
+    if encoding == "ascii":
+        lines = [f"{focus} {len(pixels)} {' '.join(map(str, pixels))}" for focus, pixels in cameras]
+        lines += [" ".join(map(str, (*row[:-1], len(row[-1]), *row[-1]))) for row in ROWS]
+        body = ("\n".join([*lines, "3 0 1 2", "4 0 1 2 0"]) + "\n").encode()
+    else:
+        order = "<" if encoding == "binary_little_endian" else ">"
+
+        def put(kind, *values):
+            return np.array(values, order + kind).tobytes()
+
+        for focus, pixels in cameras:
+            body += put("f4", focus) + put("u1", len(pixels)) + put("i4", *pixels)
+        for row in ROWS:
+            for kind, value in zip(("f4", "u1", "f4", "i2", "f4", "f8"), row, strict=False):
+                body += put(kind, value)
+            body += put("u1", len(row[-1])) + put("f4", *row[-1])
+        body += put("u1", 3) + put("i4", 0, 1, 2) + put("u1", 4) + put("i4", 0, 1, 2, 0)
+    return header.format(encoding=encoding).encode() + body
+
+
+def read(data):
+    return read_cloud_bytes(data if isinstance(data, bytes) else data.encode(), ".ply", "it")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("cameras", [((1.5, (1, 2, 3)), (2.5, (4,))), ((1.5, (1, 2)), (2.5, (4, 5)))])
+def test_every_property_is_read_and_other_elements_are_passed_over(encoding, cameras):
+    cloud = read(full(encoding, cameras))
+    assert cloud.points.tolist() == [[row[0], row[2], row[4]] for row in ROWS]
+    assert {name: column.dtype.str[1:] for name, column in cloud.columns.items()} == {
+        "red": "u1",
+        "label": "i2",
+        "time": "f8",
+        "w": "f4",
+    }
+    assert all(column.dtype.isnative for column in cloud.columns.values())
+    for name, at in {"red": 1, "label": 3, "time": 5, "w": 6}.items():
+        assert cloud.columns[name].tolist() == [list(row[at]) if name == "w" else row[at] for row in ROWS]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_the_same_kind_of_file_is_written_again(encoding):
+    cloud = read(full(encoding))
+    data = cloud_bytes(cloud, ".ply")
+    header = data.partition(b"end_header")[0].decode().split("\n")
+    assert header[:5] == ["ply", f"format {encoding} 1.0", "comment by hand: ä", "obj_info scan 7", "element vertex 3"]
+    assert header[5:-1] == [
+        *(f"property float {axis}" for axis in "xyz"),
+        "property uchar red",
+        "property short label",
+        "property double time",
+        "property list uchar float w",
+    ]
+    again = read(data)
+    assert again.points.tobytes() == cloud.points.tobytes()
+    assert {name: column.tolist() for name, column in again.columns.items()} == {
+        name: column.tolist() for name, column in cloud.columns.items()
+    }
+
+
+def test_coordinates_are_floats_only_where_nothing_is_lost():
+    cloud = read(full("binary_little_endian"))
+    assert b"property float x\n" in cloud_bytes(cloud, ".ply")
+    for moved in (cloud.points + 0.1, cloud.points + 1e300):
+        data = cloud_bytes(Cloud(moved, cloud.columns, cloud.about), ".ply")
+        assert b"property double x\n" in data
+        assert read(data).points.tobytes() == moved.tobytes()
+    assert b"property double x\n" in cloud_bytes(Cloud(cloud.points), ".ply")
+
+
+def test_digits_in_text_are_not_cut_to_floats():
+    text = FULL.format(encoding="ascii").split("element")[0]
+    text += "element vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n4512345.678 0.1 1\n"
+    assert read(text).points.tolist() == [[4512345.678, 0.1, 1]]
+
+
+def test_line_ends_of_windows_and_comments_in_other_encodings_are_taken():
+    cloud = read(full("ascii").replace(b"\n", b"\r\n").replace("ä".encode(), b"\xe4"))
+    assert len(cloud) == 3
+    assert b"comment by hand: \xe4\n" in cloud_bytes(cloud, ".ply")
+    binary = full("binary_little_endian")
+    head, _, body = binary.partition(b"end_header\n")
+    assert read(head.replace(b"\n", b"\r\n") + b"end_header\r\n" + body).points.tolist() == cloud.points.tolist()
+
+
+def test_other_programs_read_what_is_written(tmp_path):
+    columns = {"red": np.array([1, 2], "u1"), "green": np.array([3, 4], "u1"), "blue": np.array([5, 6], "u1")}
+    for about in ({}, {"ply": {"encoding": "ascii"}}, {"ply": {"encoding": "binary_big_endian"}}):
+        write_cloud(tmp_path / "a.ply", Cloud(np.eye(3)[:2], columns, about))
+        loaded = trimesh.load(tmp_path / "a.ply")
+        assert loaded.vertices.tolist() == [[1, 0, 0], [0, 1, 0]]
+        assert loaded.colors[:, :3].tolist() == [[1, 3, 5], [2, 4, 6]]
+
+
+def test_what_other_programs_write_is_read():
+    mesh = trimesh.creation.box()
+    mesh.visual.vertex_colors = np.arange(32).reshape(8, 4).astype("u1")
+    for encoding in ("ascii", "binary_little_endian"):
+        cloud = read(mesh.export(file_type="ply", encoding=encoding.partition("_")[0], vertex_normal=True))
+        np.testing.assert_allclose(cloud.points, mesh.vertices)
+        np.testing.assert_allclose(cloud.columns["nz"], mesh.vertex_normals[:, 2], rtol=1e-5)
+        assert [cloud.columns[name][7] for name in ("red", "green", "blue", "alpha")] == [28, 29, 30, 31]
+        assert list(cloud.columns) == ["nx", "ny", "nz", "red", "green", "blue", "alpha"]
+
+
+def test_a_file_of_all_elements_that_is_cut_off_is_refused():
+    for encoding in ("binary_little_endian", "binary_big_endian"):
+        whole = full(encoding)
+        faces = 1 + 12 + 1 + 16  # after the vertices nothing is missed
+        for length in range(len(whole)):
+            if length < len(whole) - faces:
+                with pytest.raises(UserError):
+                    read(whole[:length])
+            else:
+                assert len(read(whole[:length])) == 3
+
+
+def header(*lines, count=1):
+    axes = "property float x\nproperty float y\nproperty float z\n"
+    return f"ply\nformat ascii 1.0\nelement vertex {count}\n{axes}" + "".join(f"{line}\n" for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (header(), "its header has no end"),
+        (header("property half w", "end_header", "1 2 3 4"), "the type 'half': char, uchar"),
+        (header("rubbish here", "end_header", "1 2 3"), "its header has the line 'rubbish here'"),
+        (header("property float x", "end_header", "1 2 3 4"), "two properties of its vertices have one name"),
+        (header("end_header", "1 2"), "have 2 numbers each, at least 3 are needed"),
+        (header("end_header", "1 2 3 4"), "have 4 numbers each, 3 are needed"),
+        (header("end_header", "1 2 three"), "rows of numbers cannot be read: could not convert string 'three'"),
+        (header("property uchar red", "end_header", "1 2 3 256"), "'red' holds 256.0 at point 0, which is no uint8"),
+        (header("property int id", "end_header", "1 2 3 nan"), "'id' holds nan at point 0, which is no int32"),
+        (header("end_header", "1 2 3", count=10**15), "cut off: 1 of its 1000000000000000 points"),
+        (header("end_header", "1 2 3", count=-1), "the line 'element vertex -1'"),
+        (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9 9", count=2), "changed from 5 to 6"),
+        (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9", count=2), "different lengths"),
+        (header("property list uchar int w", "end_header", "1 2 3 9 9"), "have 5 numbers each, at least 13"),
+        (header("end_header", "1 2 3").replace("ascii", "binary"), "its format is 'binary': ascii, "),
+        (header("end_header", "1 2 3").replace("vertex", "point"), "it has no vertices, only point"),
+        ("ply\nformat ascii 1.0\nend_header\n", "it has no vertices, only an empty header"),
+        (
+            header("end_header", "1 2 3").replace("element", "element a 9\nproperty int b\nelement"),
+            "among its 9 of 'a'",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(data, reason):
+    with pytest.raises(UserError, match=reason) as caught:
+        read(data)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [2, 10**17])
+def test_lists_that_cannot_be_are_refused(count):
+    lines = header("property list int float w", "end_header", count=count).replace("ascii", "binary_little_endian")
+    row = np.zeros(3, "f4").tobytes()
+    for length, reason in ((2**30, "a list of 1073741824 numbers"), (-1, "a list of -1"), (1, "cut off")):
+        with pytest.raises(UserError, match=reason):
+            read(lines.encode() + row + np.array([length], "i4").tobytes() + np.zeros(1, "f4").tobytes())
+    uneven = [row + np.array([k], "i4").tobytes() + np.zeros(2, "f4").tobytes() for k in (2, 1)]
+    with pytest.raises(UserError, match="lists 'w' of different lengths"):
+        read(lines.encode() + b"".join(uneven))
+
+
+@given(values=st.lists(st.integers(-(2**53), 2**53), min_size=1, max_size=4))
+def test_integers_take_a_type_that_holds_them(values):
+    column = np.array(values)
+    kind = smallest(column, "it")
+    assert kind.str[1:] in TYPES.values()
+    assert column.astype(kind).astype(np.int64).tolist() == values
+
+
+@pytest.mark.parametrize(
+    ("column", "kind"),
+    [
+        (np.array([True, False]), "u1"),
+        (np.array([0, 255]), "u1"),
+        (np.array([0, 256]), "i4"),
+        (np.array([2**32 - 1], np.uint64), "u4"),
+        (np.array([2**40]), "f8"),
+        (np.array([1.5], np.float16), "f4"),
+        (np.array([1.5], np.longdouble), "f8"),
+        (np.array([-7], np.int8), "i1"),
+    ],
+)
+def test_types_that_ply_lacks_take_the_next(column, kind):
+    assert smallest(column, "it") == np.dtype(kind)
+
+
+def test_integers_that_no_type_holds_are_refused():
+    for column in (np.array([2**63], np.uint64), np.array([-(2**60)])):
+        with pytest.raises(UserError, match="no integers as large as those of column 'id'"):
+            smallest(column, "id")

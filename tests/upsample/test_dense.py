@@ -1,0 +1,145 @@
+"""A cloud of any size to any number of points, whatever its order, place, size or turn."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from pcsr import UserError
+from pcsr.data.workers import crew
+from pcsr.upsample import densify
+from pcsr.upsample.candidates import Midpoints
+
+SMALL = Midpoints(size=32, rate=8)
+
+
+def bowl(count, seed=0):
+    """Points of a lopsided paraboloid."""
+    xy = np.random.default_rng(seed).uniform(-1, 1, (count, 2)) * [1.3, 1.0]
+    return np.column_stack([xy, 0.4 * xy[:, 0] ** 2 + 0.2 * xy[:, 1] ** 3])
+
+
+@given(n=st.integers(16, 300), rate=st.floats(1.1, 20.0), keep=st.booleans(), seed=st.integers(0, 99))
+@settings(max_examples=40)
+def test_exactly_as_many_come_out_as_were_asked_for(n, rate, keep, seed):
+    cloud = bowl(n, seed)
+    count = round(rate * n)
+    new = densify(cloud, count, SMALL, keep=keep)
+    assert new.shape == (count - n if keep else count, 3)
+    assert np.isfinite(new).all()
+
+
+@pytest.mark.parametrize("count", [1000, 4000, 1001, 64 * 500])
+def test_many_patches_and_many_passes_give_exactly_that_many(count):
+    assert len(densify(bowl(500), count, SMALL)) == count - 500
+
+
+@given(seed=st.integers(0, 99))
+@settings(max_examples=15)
+def test_the_order_of_the_cloud_does_not_matter(seed):
+    cloud = bowl(200, seed)
+    order = np.random.default_rng(seed).permutation(200)
+    one, other = densify(cloud, 700, SMALL), densify(cloud[order], 700, SMALL)
+    assert cKDTree(one).query(other)[0].max() < 1e-9
+
+
+@given(seed=st.integers(0, 99), scale=st.floats(1e-3, 1e3), shift=st.floats(-1e5, 1e5))
+@settings(max_examples=15)
+def test_moving_turning_and_scaling_the_cloud_moves_the_result_alike(seed, scale, shift):
+    cloud, turn = bowl(200, seed), Rotation.random(random_state=seed).as_matrix()
+    one = densify(cloud, 700, SMALL) @ turn.T * scale + shift
+    other = densify(cloud @ turn.T * scale + shift, 700, SMALL)
+    apart = cKDTree(one).query(other)[0] / scale
+    # Rounding may decide otherwise between two gaps of the same size, here and there.
+    assert np.quantile(apart, 0.95) < 1e-6
+
+
+def test_no_seams_show():
+    rng = np.random.default_rng(0)
+    sheet = np.column_stack([rng.uniform(0, 1, (4000, 2)), np.zeros(4000)])
+    whole = np.concatenate([sheet, densify(sheet, 16000, Midpoints(size=256, rate=8))])
+    from pcsr.geometry.patches import patches
+
+    owner = np.zeros(len(sheet), int)
+    for number, patch in enumerate(patches(sheet, 256, 128)):
+        owner[patch.rows[: patch.core]] = number
+    inner = (np.abs(whole[:, :2] - 0.5) < 0.45).all(1)
+    places = whole[inner]
+    two = cKDTree(sheet).query(places, k=6)[1]
+    at_seam = (owner[two] != owner[two[:, :1]]).any(1)
+    gaps = cKDTree(whole).query(places, k=5)[0][:, 1:].mean(1)
+    assert 0.2 < at_seam.mean() < 0.9
+    assert gaps[at_seam].mean() == pytest.approx(gaps[~at_seam].mean(), rel=0.03)
+
+
+def test_density_keeps_its_pattern():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(0, 1, 3000), rng.uniform(1, 2, 1000)])
+    sheet = np.column_stack([x, rng.uniform(0, 1, 4000), np.zeros(4000)])
+    new = densify(sheet, 16000, Midpoints(size=256, rate=8))
+    assert (new[:, 0] < 1).mean() == pytest.approx(0.75, abs=0.02)
+
+
+def test_nothing_is_made_across_a_gap():
+    rng = np.random.default_rng(0)
+    halves = [rng.uniform(0, 1, (1500, 3)) * [1, 1, 0] + [x, 0, 0] for x in (0.0, 1.3)]
+    new = densify(np.concatenate(halves), 12000, Midpoints(size=256, rate=8))
+    assert not ((new[:, 0] > 1.06) & (new[:, 0] < 1.24)).any()
+
+
+def test_touches_go_to_the_patches_that_they_meet():
+    asked = []
+
+    class Spy(Midpoints):
+        def __call__(self, points, touches):
+            asked.append((points, touches))
+            return super().__call__(points, touches)
+
+    cloud = bowl(400)
+    far, here = np.full((9, 3), 50.0), cloud[:5] + 1e-3
+    densify(cloud, 800, Spy(size=64, rate=8), touches=[far, here])
+    met = [len(touches) for _, touches in asked]
+    assert 0 < sum(met) < len(met)
+    assert max(met) == 1
+    for points, touches in asked:
+        for touch in touches:
+            assert np.linalg.norm(touch - points.mean(0), axis=1).max() <= np.linalg.norm(
+                points - points.mean(0), axis=1
+            ).max()
+
+
+def test_more_processes_give_the_same_points():
+    cloud = bowl(600)
+    with crew(2) as two:
+        other = densify(cloud, 2000, SMALL, crew=two)
+    np.testing.assert_array_equal(densify(cloud, 2000, SMALL), other)
+
+
+def test_progress_ends_at_all_points():
+    told = []
+    densify(bowl(300), 900, SMALL, advance=lambda done, total: told.append((done, total)))
+    assert told[-1] == (300, 300)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+@pytest.mark.parametrize(
+    ("cloud", "count", "said"),
+    [
+        (bowl(15), 30, "the cloud has 15 points: at least 16 are needed"),
+        (np.ones((20, 3)), 40, "all 20 points of the cloud lie on one spot"),
+        (bowl(20), 19, "19 points were asked of a cloud of 20"),
+    ],
+)
+def test_what_cannot_be_done_is_said(cloud, count, said):
+    with pytest.raises(UserError, match=said):
+        densify(cloud, count, SMALL)
+
+
+def test_points_on_a_line_and_copies_are_no_trouble():
+    line = np.outer(np.linspace(0, 1, 40), [1.0, 2.0, 3.0])
+    new = densify(line, 160, SMALL)
+    assert np.linalg.norm(np.cross(new, [1, 2, 3]), axis=1).max() < 1e-9
+    twice = np.repeat(bowl(40), 3, axis=0)
+    assert np.isfinite(densify(twice, 500, SMALL)).all()
