@@ -51,7 +51,9 @@ class Joint:
     points: int | str = 0
     """Which argument of the network the points are: a position, or a keyword."""
     points_layout: PointsLayout = "bnc"
-    """(b n 3) or (b 3 n); channels behind the first three are no coordinates."""
+    """(b n 3) or (b 3 n)."""
+    channels: int = 3
+    """Of the points: those behind the first three are no coordinates."""
 
 
 class Grafted(nn.Module):
@@ -117,9 +119,9 @@ class Grafted(nn.Module):
         """The visual points; a copy, as networks may centre theirs in place before the layer is reached."""
         cloud = _argument(self.joint.points, args, kwargs)
         axis = _channel_axis(self.joint.points_layout)
-        if not isinstance(cloud, Tensor) or cloud.dim() != 3 or cloud.shape[axis] < 3:
+        if not isinstance(cloud, Tensor) or cloud.dim() != 3 or cloud.shape[axis] != self.joint.channels:
             shape = tuple(cloud.shape) if isinstance(cloud, Tensor) else type(cloud).__name__
-            wanted = "(b n 3)" if axis == 2 else "(b 3 n)"
+            wanted = f"(b n {self.joint.channels})" if axis == 2 else f"(b {self.joint.channels} n)"
             raise UserError(
                 f"the points, argument {self.joint.points!r} of the network, are {shape}, not {wanted} as in the "
                 f"probe: hand them over like that, or graft with another points= or points_layout="
@@ -238,10 +240,9 @@ def load_graft(path: Path | str, network: nn.Module, registry: Registry | None =
             the weights that differ, and nothing is changed.
     """
     path = Path(path)
-    tensors, card = _read(path)
-    joint = Joint(**card["joint"])
+    tensors, joint, fusion, touch_encoder = _read(path)
     _layer(network, joint.at)
-    grafted = _assemble(network, joint, card["fusion"], card["touch_encoder"], registry)
+    grafted = _assemble(network, joint, fusion, touch_encoder, registry)
     wanted = grafted.state_dict()
     wrong = [f"the file has no {name}" for name in wanted if name not in tensors]
     wrong += [f"the network has no {name}" for name in tensors if name not in wanted]
@@ -266,14 +267,15 @@ def _stated(option: str, value: str | None, known: Any) -> Any:
     return value
 
 
-def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def _read(path: Path) -> tuple[dict[str, Tensor], Joint, Any, Any]:
     if not path.is_file():
         raise UserError(f"{path}: there is no such file of a graft")
     try:
         with safe_open(path, "pt") as file:
             card = json.loads((file.metadata() or {})["pcsr"])["graft"]
-            return {name: file.get_tensor(name) for name in file.keys()}, card  # noqa: SIM118
-    except (SafetensorError, KeyError, ValueError) as error:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            return tensors, Joint(**card["joint"]), card["fusion"], card["touch_encoder"]
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise UserError(
             f"{path} is not a file of save_graft ({type(error).__name__}: {error}): save the graft again"
         ) from error
@@ -304,7 +306,7 @@ def _assemble(
             f"fusion of features, or join them yourself: network(torch.cat([points, touches.flatten(1, 2)], 1))"
         )
     specs = {"fusion": fusion_spec, "touch_encoder": encoder_spec}
-    like = next((weight for weight in network.parameters() if weight.is_floating_point()), torch.zeros(()))
+    like = _like(network)
     grafted = Grafted(network, built, encoder, joint, specs)
     for part in filter(None, (built, encoder)):
         part.to(like.device, like.dtype).train(network.training)
@@ -382,9 +384,10 @@ def _check_touches(points: Points, touches: Tensor, mask: Tensor) -> None:
             f"touches are {touches.dtype} on {touches.device}, the points {points.dtype} on {points.device}: "
             f"give touches.to(points)"
         )
-    if mask.dtype != torch.bool or mask.shape != touches.shape[:2]:
+    if (mask.dtype, mask.device) != (torch.bool, touches.device) or mask.shape != touches.shape[:2]:
         raise UserError(
-            f"mask is {mask.dtype} {tuple(mask.shape)}, not torch.bool {tuple(touches.shape[:2])}, one for each touch"
+            f"mask is {mask.dtype} {tuple(mask.shape)} on {mask.device}, not torch.bool {tuple(touches.shape[:2])} on "
+            f"{touches.device}, one for each touch"
         )
 
 
@@ -461,12 +464,18 @@ def _probe(
 ) -> Joint:
     """Run the network, twice where the layout is not stated, and look at what the layer gives."""
     layer = _layer(network, at)
-    like = next((weight for weight in network.parameters() if weight.is_floating_point()), torch.zeros(()))
+    if isinstance(points, int) and not 0 <= points <= len(arguments):
+        raise UserError(
+            f"points={points} is no position beside {len(arguments)} other arguments: give those before it in arguments="
+        )
+    like = _like(network)
     cloud = probe if isinstance(probe, Tensor) else _random_cloud(probe).to(like)
     if cloud.dim() != 3 or min(cloud.shape) == 0:
         raise UserError(f"the probe is {tuple(cloud.shape)}: points are (b n 3) or (b 3 n)")
     points_layout = points_layout or _points_layout(tuple(cloud.shape))
     axis = 3 - _channel_axis(points_layout)
+    if cloud.shape[3 - axis] < 3:
+        raise UserError(f"the probe is {tuple(cloud.shape)}, which is no '{points_layout}' of at least 3 channels")
     clouds = [cloud]
     if layout is None:
         cloud = cloud if len(cloud) > 1 else cloud.repeat(2, 1, 1)
@@ -486,7 +495,7 @@ def _probe(
         width = shapes[0][2 if layout == "bnc" else 1] if len(shapes[0]) > 2 else 0
     else:
         layout, width = _find(at, counts, shapes)
-    joint = Joint(at, layout, width, points, points_layout)
+    joint = Joint(at, layout, width, points, points_layout, cloud.shape[3 - axis])
     for one, output in zip(clouds, outputs, strict=True):
         _check_output(joint, output, one if axis == 1 else one.transpose(1, 2))
     return joint
@@ -504,6 +513,11 @@ def _layer(network: nn.Module, at: str) -> nn.Module:
     else:
         remedy = f"it has {', '.join(names[:8]) or 'none'}{' …' if len(names) > 8 else ''}"
     raise UserError(f"the network {type(network).__name__} has no layer '{at}': {remedy}")
+
+
+def _like(network: nn.Module) -> Tensor:
+    """A tensor of the network's own type and device."""
+    return next((weight for weight in network.parameters() if weight.is_floating_point()), torch.zeros(()))
 
 
 def _random_cloud(shape: Sequence[int]) -> Tensor:
@@ -527,7 +541,7 @@ def _output(
     outputs: list[Any] = []
     handle = layer.register_forward_hook(lambda _layer, _args, output: outputs.append(output))
     try:
-        with _quiet(network, next((weight.device for weight in network.parameters()), torch.device("cpu"))):
+        with _quiet(network, _like(network).device):
             network(*args, **kwargs)
     except Exception as error:  # foreign code fails in whatever way it likes
         raise UserError(

@@ -41,7 +41,7 @@ class PUNetLike(nn.Module):
 
     def forward(self, xyz, rate):
         features = self.mlp2(self.mlp1(xyz.unsqueeze(-1)))
-        features = features.view(xyz.shape[0], 32, -1, 1)
+        features = features.view(xyz.shape[0], -1).view(xyz.shape[0], 32, -1, 1)  # goes with contiguous ones only
         offsets = [self.coordinates(self.expand[i](features)).squeeze(-1) for i in range(rate)]
         return torch.cat([xyz + offset for offset in offsets], dim=2)
 
@@ -632,6 +632,34 @@ def test_an_axis_of_coordinates_that_does_not_show_must_be_stated(shape):
         graft(nn.Sequential(nn.Linear(6, 8)), "0", probe=shape, registry=PLUGINS)
 
 
+@pytest.mark.parametrize("points", [-1, 2])
+def test_a_position_that_the_arguments_leave_no_room_for_is_refused(points):
+    with pytest.raises(UserError, match=rf"points={points} is no position beside 1 other arguments"):
+        graft(Second(), "layer", points=points, arguments=(2.0,), registry=PLUGINS)
+
+
+class Second(Meeting):
+    def __init__(self):
+        super().__init__(None)
+
+    def forward(self, factor, points):
+        return factor * super().forward(points)
+
+
+@torch.no_grad()
+def test_points_may_be_any_argument(world):
+    points, touches = world
+    grafted = graft(Second(), "layer", points=1, arguments=(2.0,), registry=PLUGINS)
+    first = graft(Meeting(None), "layer", registry=PLUGINS)
+    first.load_state_dict(grafted.state_dict())
+    assert torch.equal(grafted(2.0, points, touches=touches), 2 * first(points, touches=touches))
+
+
+def test_a_stated_axis_must_hold_coordinates():
+    with pytest.raises(UserError, match=r"the probe is \(2, 256, 2\), which is no 'bnc' of at least 3 channels"):
+        graft(nn.Sequential(nn.Linear(2, 8)), "0", probe=(2, 256, 2), points_layout="bnc", registry=PLUGINS)
+
+
 @pytest.mark.parametrize("probe", [(2, 256), (2, 0, 3), torch.zeros(4)])
 def test_a_probe_that_is_no_cloud_is_refused(probe):
     with pytest.raises(UserError, match=r"the probe is \(.*\): points are \(b n 3\) or \(b 3 n\)"):
@@ -663,9 +691,13 @@ def test_channels_behind_the_coordinates_are_allowed_where_stated(world):
         (lambda t: {"touches": t.to("meta")}, r"touches are torch\.float32 on meta, the points"),
         (
             lambda t: {"touches": t, "mask": torch.ones(3, 2)},
-            r"mask is torch\.float32 \(3, 2\), not torch\.bool \(3, 2\)",
+            r"mask is torch\.float32 \(3, 2\) on cpu, not torch\.bool \(3, 2\) on",
         ),
-        (lambda t: {"touches": t, "mask": torch.ones(3, 1, dtype=torch.bool)}, r"mask is torch\.bool \(3, 1\), not"),
+        (
+            lambda t: {"touches": t, "mask": torch.ones(3, 2, dtype=torch.bool, device="meta")},
+            r"mask is .* on meta, not",
+        ),
+        (lambda t: {"touches": t, "mask": torch.ones(3, 1, dtype=torch.bool)}, r"mask is torch\.bool \(3, 1\) on"),
         (lambda t: {"mask": torch.ones(3, 2, dtype=torch.bool)}, "there are no touches: leave it out"),
     ],
 )
@@ -705,6 +737,8 @@ def test_points_that_are_not_where_the_probe_had_them_are_refused(world):
         grafted(points[..., :2].transpose(1, 2), 4, touches=touches)
     with pytest.raises(UserError, match=r"argument 0 of the network, are list, not"):
         grafted([1], 4, touches=touches)
+    with pytest.raises(UserError, match=r"argument 0 of the network, are \(3, 24, 3\), not \(b 3 n\)"):
+        grafted(points, 4, touches=touches)
 
 
 def test_a_layer_that_a_pass_leaves_out_or_thins_is_named(world):
@@ -786,7 +820,9 @@ def test_files_of_others_are_refused(tmp_path):
     path = tmp_path / "graft"
     with pytest.raises(UserError, match="there is no such file"):
         load_graft(path, Meeting(None), PLUGINS)
-    for metadata in (None, {"pcsr": "{"}, {"pcsr": json.dumps({"recipe": {}})}):
+    joint = {"at": "layer", "layout": "bnc", "width": 8}
+    cards = [{"recipe": {}}, [], {"graft": []}, {"graft": {"joint": joint}}, {"graft": {"joint": joint | {"depth": 1}}}]
+    for metadata in (None, {"pcsr": "{"}, *({"pcsr": json.dumps(card)} for card in cards)):
         save_file({"weight": torch.zeros(2)}, path, metadata)
         with pytest.raises(UserError, match="is not a file of save_graft"):
             load_graft(path, Meeting(None), PLUGINS)

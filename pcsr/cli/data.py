@@ -83,12 +83,13 @@ def info(folder: Path, picture: Path | None, name: str | None) -> None:
     """Say what a data set holds, and show one of its objects as the paper's Fig. 4 does."""
     from rich.console import Console
 
-    from pcsr.data.shards import read_manifest
+    from pcsr.data.shards import check_sums, read_manifest
     from pcsr.report.data_page import write_data_page
 
     console = Console()
     manifest = read_manifest(folder)
     _print(console, folder, manifest)
+    check_sums(folder, manifest)
     path = picture or folder / "info.html"
     shown = write_data_page(path, folder, manifest, name)
     console.print(f"pictures of {', '.join(shown)}: {path}", markup=False, soft_wrap=True)

@@ -80,6 +80,8 @@ def touch(
     else:
         seen = surface_points(item.mesh, recipe.data.points, np.random.default_rng(seed))
     touches = feeler.touches(item, seen, count, seed)
+    if len(touches) != count:
+        raise UserError(f"{mesh}: touch '{source}' gave {len(touches)} touches where {count} were asked for")
     write(folder, touches, overwrite=overwrite)
     areas = [one.contact_area for one in touches if one.contact_area is not None]
     felt = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""

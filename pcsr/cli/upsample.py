@@ -28,9 +28,7 @@ PIPE = Path("-")
 )
 @click.option("--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe.")
 @click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
-@click.option(
-    "--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores, if it pays]"
-)
+@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores, if it pays]")
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
 @click.option("--plugin", "plugins", multiple=True, type=FILE, metavar="FILE", help="Parts that the weights need.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")

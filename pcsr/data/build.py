@@ -4,7 +4,6 @@ A shard that is finished is never made again. So a build that was stopped, in wh
 ends with the same bytes as one that was not.
 """
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.plan import FORMAT, Plan
-from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, shard_path, write_manifest, write_shard
+from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, sha256, shard_path, write_manifest, write_shard
 from pcsr.data.workers import Crew, results
 from pcsr.errors import UserError
 
@@ -129,9 +128,7 @@ def _summary(folder: Path, split: str, count: int) -> dict[str, Any]:
         groups |= set(card["groups"])
         sensors |= set(card["sensors"])
         coverage += card["coverage"]
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        shards.append({"file": path.name, "objects": len(card["names"]), "sha256": digest})
+        shards.append({"file": path.name, "objects": len(card["names"]), "sha256": sha256(path)})
     shares = np.array(coverage)
     return {
         "objects": len(coverage),

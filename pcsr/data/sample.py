@@ -16,6 +16,8 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.sampling import CANDIDATES, farthest_points, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
 
+FAR = 2.0
+"""No point of an object lies so many radii from its middle."""
 NEAR = 2.0
 """A truth point is felt if a touched point lies within this many of their usual distances."""
 
@@ -54,13 +56,21 @@ def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed:
     rng = np.random.default_rng(item_seed(seed, item.name))
     truth = _truth(item.mesh, data, rng)
     points = _sparse(item, truth, data, rng)
-    felt = source.touches(item, points, touches, int(rng.integers(2**31))) if touches else []
-    if len(felt) != touches or len({len(touch.points) for touch in felt}) > 1:
+    felt = source.touches(item, points.copy(), touches, int(rng.integers(2**31))) if touches else []
+    sizes = {len(touch.points) for touch in felt}
+    if len(felt) != touches or len(sizes) > 1 or 0 in sizes:
         raise UserError(
             f"{item.name}: its touch source gave {[len(touch.points) for touch in felt]} points, "
             f"where {touches} touches of one size were asked for"
         )
     sphere = UnitSphere.fit(truth)
+    for number, touch in enumerate(felt):
+        away = float(np.linalg.norm(touch.points - sphere.centre, axis=1).min()) / sphere.radius
+        if not (np.isfinite(touch.points).all() and away < FAR):
+            raise UserError(
+                f"{item.name}: touch {number} lies {away:.3g} radii from the object's middle, or is not finite: its "
+                f"source gives it in another unit or frame"
+            )
     clouds = [sphere.apply(touch.points) for touch in felt]
     return Sample(
         name=item.name,

@@ -3,6 +3,7 @@
 A folder holds `train-00000.safetensors` and so on, and `manifest.json`, which says what is in them.
 """
 
+import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -80,6 +81,25 @@ def read_clouds(path: Path) -> dict[str, Tensor]:
     """The clouds of a shard, mapped into memory: what is not looked at is not read."""
     with safe_open(path, "pt") as file:
         return {name: file.get_tensor(name) for name in CLOUDS}
+
+
+def check_sums(folder: Path, manifest: dict[str, Any]) -> None:
+    """Read every shard once, to be sure that it is as it was written.
+
+    Raises:
+        UserError: one is missing, or has changed since.
+    """
+    for about in manifest["splits"].values():
+        for shard in about["shards"]:
+            path = folder / shard["file"]
+            if not path.is_file() or sha256(path) != shard["sha256"]:
+                raise UserError(f"{path} is missing or has changed since it was built: delete it and build again")
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:

@@ -15,6 +15,8 @@ from pcsr.errors import UserError
 from pcsr.recorded.manifest import Intrinsics
 
 SUFFIXES = (".npy", ".png", ".jpg", ".jpeg")
+THICKEST = 30.0
+"""No fingertip's gel gives way farther, in mm."""
 GREY = ("L", "I;16", "I;16B", "I;16L", "I;16N", "I")
 """Pillow's names of images with one whole number a pixel."""
 
@@ -75,7 +77,8 @@ def height_contact(
     Raises:
         UserError: no pixel is in contact.
     """
-    rows, columns = _in_contact(contact)
+    rows, columns = _in_contact(contact & np.isfinite(indentation))
+    _check_depth(float(indentation[rows, columns].max()))
     h, w = indentation.shape
     x, y = (columns - (w - 1) / 2) * mm_per_pixel, ((h - 1) / 2 - rows) * mm_per_pixel
     return np.stack([x, y, indentation[rows, columns]], axis=-1), len(rows) * mm_per_pixel**2
@@ -97,9 +100,23 @@ def depth_contact(
     """
     rows, columns = _in_contact(contact & np.isfinite(depth) & (depth > 0))
     z = depth[rows, columns]
+    _check_depth(face - float(z.min()))
     x, y = (columns - intrinsics.cx) / intrinsics.fx * z, (intrinsics.cy - rows) / intrinsics.fy * z
     area = float((z**2).sum() / (intrinsics.fx * intrinsics.fy))
     return np.stack([x, y, face - z], axis=-1), area
+
+
+def _check_depth(most: float) -> None:
+    """Refuse what no gel can be: most often a wrong unit.
+
+    Raises:
+        UserError: it is pressed in too far.
+    """
+    if most > THICKEST:
+        raise UserError(
+            f"the gel is pressed in by {most:.4g} mm, and none is thicker than {THICKEST:g} mm: check its unit, "
+            f"mm_per_level or face"
+        )
 
 
 def _in_contact(contact: Bool[np.ndarray, "h w"]) -> tuple[np.ndarray, ...]:

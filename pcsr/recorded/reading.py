@@ -57,7 +57,11 @@ def read(folder: Path) -> Recording:
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
     for name, touch in found:
-        if isinstance(touch, Touch):
+        if isinstance(touch, Touch) and not (np.isfinite(touch.points).all() and np.isfinite(touch.poses).all()):
+            recording.skipped[name] = (
+                "its points or pose are not finite numbers: a figure in it is far too large or small"
+            )
+        elif isinstance(touch, Touch):
             recording.touches.append(touch)
             recording.names.append(name)
         else:
@@ -68,9 +72,17 @@ def read(folder: Path) -> Recording:
     return recording
 
 
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object, in which each key stands once."""
+    twice = [key for index, (key, _) in enumerate(pairs) if key in dict(pairs[:index])]
+    if twice:
+        raise ValueError(f"'{twice[0]}' is written twice in one object: remove one of the two")
+    return dict(pairs)
+
+
 def _json(path: Path) -> dict[str, Any]:
     try:
-        plain = json.loads(path.read_text(encoding="utf-8-sig"))
+        plain = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror or error}: a recording has one") from error
     except (ValueError, RecursionError) as error:

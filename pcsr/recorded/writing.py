@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.clouds.formats import write_points
+from pcsr.clouds.formats import read_points, write_points
 from pcsr.clouds.touch import Touch
+from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import RunError, UserError
 from pcsr.files import write_text, write_whole
 from pcsr.recorded.manifest import inside
@@ -51,7 +52,7 @@ def write(
     head = {"format": 1, "unit": "mm", "object_unit": units[0], "frame": "object", "sensor": touches[0].sensor}
     text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
     text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
-    strange = [file for file in clouds if (folder / file).exists() and file not in (old or ())]
+    strange = [file for file in clouds.keys() - (old or set()) if not _free(folder / file, clouds[file])]
     if strange:
         raise UserError(f"{folder / strange[0]} is there already and of no recording: take another folder")
     try:
@@ -86,6 +87,17 @@ def _files_of(manifest: Path) -> set[str] | None:
         raise UserError(f"{manifest.parent} cannot be written to: {error.strerror or error}") from error
     except (ValueError, LookupError, TypeError, AttributeError):
         return set()  # somebody else's: none of its files is ours to remove
+
+
+def _free(path: Path, array: np.ndarray) -> bool:
+    """Whether a file may be written: nothing is there, or just that, which a write that was stopped left behind."""
+    if not path.exists():
+        return True
+    try:
+        there = read_points(path) if path.suffix == ".ply" else load_numpy(path)
+    except UserError:
+        return False
+    return bool(np.array_equal(there, array))
 
 
 def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:

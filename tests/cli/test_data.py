@@ -127,3 +127,12 @@ def test_info_of_something_else_is_one_line(data, tmp_path):
     done = data("info", tmp_path)
     assert done.exit_code == 2
     assert "holds no manifest.json" in done.output
+
+
+def test_info_finds_a_file_that_has_changed(data, tmp_path):
+    data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3"])
+    shard = tmp_path / "out" / "train-00000.safetensors"
+    shard.write_bytes(shard.read_bytes()[:-1] + b"?")
+    done = data("info", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "train-00000.safetensors is missing or has changed since it was built" in done.output

@@ -133,3 +133,16 @@ def test_repeated_points_of_a_touch_do_not_shrink_what_it_covers():
     grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 2, [0.0]), -1).reshape(-1, 3)
     assert covered(grid, [np.repeat(grid[:10], 3, axis=0)]) == covered(grid, [grid[:10]])
     assert covered(grid, [grid[:1]]) == (0.0,)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, 1000.0])
+def test_touches_of_nowhere_are_refused(recipe, wrong):
+    class Elsewhere(Corner):
+        def touches(self, item, cloud, count, seed):
+            return [
+                Touch.of_one_finger(touch.points * wrong, np.eye(4), 1.0, "corner")
+                for touch in super().touches(item, cloud, count, seed)
+            ]
+
+    with pytest.raises(UserError, match="shelf/ball: touch 0 lies .* another unit or frame"):
+        made(recipe, source=Elsewhere())

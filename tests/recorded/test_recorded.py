@@ -1,4 +1,5 @@
 import json
+import os
 import re
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from pcsr import Touch, UserError
+from pcsr import Touch, RunError, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
 from pcsr.recorded.layouts import LAYOUTS
@@ -361,13 +362,22 @@ def test_a_recording_is_not_overwritten_unless_asked(tmp_path):
     np.testing.assert_array_equal(read(folder).touches[0].points, CLOUD + 1)
 
 
-def test_a_recording_that_was_not_finished_has_no_manifest(tmp_path):
-    write(tmp_path, [one_touch()])
-    (tmp_path / "1.ply").mkdir()  # in the way of the second cloud
-    with pytest.raises(Exception, match=r"1\.ply could not be written"):
-        write(tmp_path, [one_touch(), one_touch()], overwrite=True)
+def test_a_recording_that_was_not_finished_has_no_manifest_and_can_be_written_again(tmp_path, monkeypatch):
+    real = os.replace
+
+    def full(source, target):
+        if str(target).endswith("1.ply"):
+            raise OSError(28, "No space left on device")
+        real(source, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", full)
+        with pytest.raises(RunError, match=r"1\.ply could not be written"):
+            write(tmp_path, [one_touch(), one_touch()])
     with pytest.raises(UserError, match="cannot be read"):
         read(tmp_path)
+    write(tmp_path, [one_touch(), one_touch()])
+    assert len(read(tmp_path).touches) == 2
 
 
 @pytest.mark.parametrize(
@@ -435,3 +445,34 @@ def test_the_page_names_every_layout_and_key():
             assert f'"{key}"' in section or f"`{key}`" in section, f"{name}: {key}"
     for key in {**Recorded.model_fields, **UNITS}:
         assert f"`{key}`" in PAGE
+
+
+def test_a_key_that_is_written_twice_is_a_mistake(tmp_path):
+    write(tmp_path, [one_touch()])
+    manifest = tmp_path / MANIFEST
+    manifest.write_text(manifest.read_text().replace('"unit": "mm"', '"unit": "m", "unit": "mm"', 1))
+    with pytest.raises(UserError, match="'unit' is written twice"):
+        read(tmp_path)
+
+
+def test_a_file_of_somebody_elses_is_never_overwritten(tmp_path):
+    (tmp_path / "0.ply").write_text("a mesh")
+    for overwrite in (False, True):
+        with pytest.raises(UserError, match=r"0\.ply is there already and of no recording"):
+            write(tmp_path, [one_touch()], overwrite=overwrite)
+    assert (tmp_path / "0.ply").read_text() == "a mesh"
+    assert not (tmp_path / MANIFEST).exists()
+
+
+def test_overwriting_leaves_nothing_of_the_old_recording(tmp_path):
+    write(tmp_path, [one_touch(), one_touch(), one_touch()])
+    (tmp_path / "notes.txt").write_text("mine")
+    write(tmp_path, [one_touch()], overwrite=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0.ply", "notes.txt", MANIFEST]
+
+
+def test_a_folder_that_is_a_file_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    for overwrite in (False, True):
+        with pytest.raises(UserError, match="file is a file: a recording is a folder"):
+            write(tmp_path / "file", [one_touch()], overwrite=overwrite)

@@ -105,9 +105,10 @@ def test_touches_go_to_the_patches_that_they_meet():
     assert max(met) == 1
     for points, touches in asked:
         for touch in touches:
-            assert np.linalg.norm(touch - points.mean(0), axis=1).max() <= np.linalg.norm(
-                points - points.mean(0), axis=1
-            ).max()
+            assert (
+                np.linalg.norm(touch - points.mean(0), axis=1).max()
+                <= np.linalg.norm(points - points.mean(0), axis=1).max()
+            )
 
 
 def test_more_processes_give_the_same_points():

@@ -16,6 +16,8 @@ RANGE = 2**31 - 1
 FINEST = 1e-9
 """The smallest scale that is chosen for a cloud that was not read from such a file."""
 NAME_LENGTH = 32
+RECORD, LONG_RECORD = 54, 60
+"""Bytes of the smallest records of a header."""
 
 
 def read(data: bytes) -> Cloud:
@@ -25,6 +27,7 @@ def read(data: bytes) -> Cloud:
         UserError: laspy is not installed, or the file is cut off.
     """
     laspy = _laspy()
+    _check_counts(data)
     try:
         las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
@@ -35,6 +38,17 @@ def read(data: bytes) -> Cloud:
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
     columns = {name: native(np.array(las[name])) for name in names}
     return Cloud(np.array(las.xyz, np.float64, order="C"), columns, {"las": {"header": las.header}})
+
+
+def _check_counts(data: bytes) -> None:
+    """Check that the records that the header claims have room in the file: laspy would look for each of them."""
+    if len(data) < 227:
+        raise UserError("it is cut off in its header")
+    claimed = int.from_bytes(data[100:104], "little") * RECORD
+    if data[25] >= 4:  # version 1.4 has long ones, too, after the points
+        claimed += int.from_bytes(data[243:247], "little") * LONG_RECORD
+    if claimed > len(data):
+        raise UserError("its header claims more records than the file has room for: it is cut off or damaged")
 
 
 def write_las(cloud: Cloud) -> bytes:

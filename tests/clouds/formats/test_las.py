@@ -163,6 +163,14 @@ def test_a_file_that_is_cut_off_is_refused(laspy):
             read(whole[:length])
 
 
+@pytest.mark.parametrize("at", [100, 243])
+def test_a_header_that_claims_billions_of_records_is_refused_at_once(laspy, at):
+    data = bytearray(scan(laspy))
+    data[at : at + 4] = b"\xff" * 4
+    with pytest.raises(UserError, match="claims more records than the file has room for"):
+        read(bytes(data))
+
+
 def test_laz_holds_the_same_or_names_the_remedy(laspy, tmp_path):
     if laspy.LazBackend.detect_available():
         writable(tmp_path / "a.laz")
