@@ -116,9 +116,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        form, manifest["fingerprint"] = manifest["format"], str(manifest["fingerprint"])
-        for key in ("splits", "data"):
-            manifest[key] = dict(manifest[key])
+        form = manifest["format"]
+        if form == FORMAT:
+            manifest["fingerprint"] = str(manifest["fingerprint"])
+            for key in ("splits", "data"):
+                manifest[key] = dict(manifest[key])
     except FileNotFoundError as error:
         raise UserError(f"{folder} holds no {MANIFEST}: give a folder that `pcsr data make` built") from error
     except (OSError, ValueError, TypeError, KeyError) as error:

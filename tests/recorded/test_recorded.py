@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from pcsr import Touch, RunError, UserError
+from pcsr import RunError, Touch, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
 from pcsr.recorded.layouts import LAYOUTS

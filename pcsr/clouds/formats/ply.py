@@ -102,9 +102,9 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
             case ["element", name, count] if count.isdecimal():
                 elements.append(Element(name, int(count), []))
             case ["property", "list", length, kind, name] if elements:
-                elements[-1].properties.append(Property(name, _type(kind), _type(length)))
+                elements[-1].properties.append(Property(_readable(name), _type(kind), _type(length)))
             case ["property", kind, name] if elements:
-                elements[-1].properties.append(Property(name, _type(kind)))
+                elements[-1].properties.append(Property(_readable(name), _type(kind)))
             case []:
                 pass
             case _:
@@ -112,6 +112,10 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
     if encoding not in ORDERS:
         raise UserError(f"its format is '{encoding}': {', '.join(ORDERS)} are known")
     return encoding, comments, elements, found.end()
+
+
+def _readable(name: str) -> str:
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
 
 
 def _type(word: str) -> str:

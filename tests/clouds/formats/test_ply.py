@@ -111,6 +111,13 @@ def test_line_ends_of_windows_and_comments_in_other_encodings_are_taken():
     assert read(head.replace(b"\n", b"\r\n") + b"end_header\r\n" + body).points.tolist() == cloud.points.tolist()
 
 
+def test_a_name_in_another_encoding_is_one_that_every_format_takes():
+    data = full("ascii").replace(b"time", b"\xb5s")
+    for suffix in (".ply", ".npz", ".pcd", ".xyz", ".csv"):
+        again = read_cloud_bytes(cloud_bytes(read(data), suffix), suffix, "it")
+        assert again.columns["_s" if suffix == ".pcd" else "\ufffds"].tolist() == [0.1, 1e300, 9]
+
+
 def test_other_programs_read_what_is_written(tmp_path):
     columns = {"red": np.array([1, 2], "u1"), "green": np.array([3, 4], "u1"), "blue": np.array([5, 6], "u1")}
     for about in ({}, {"ply": {"encoding": "ascii"}}, {"ply": {"encoding": "binary_big_endian"}}):
