@@ -11,6 +11,7 @@ from pcsr.errors import PcsrError, RunError, UserError
 from pcsr.hookspecs import hookimpl
 
 if TYPE_CHECKING:
+    from pcsr import metrics
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         Upsampler,
         Widths,
     )
+    from pcsr.library import Model, evaluate, load
     from pcsr.registry import Register
 
 __version__ = "0.1.0"
@@ -32,6 +34,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
     "Register": "pcsr.registry",
+    **dict.fromkeys(("Model", "evaluate", "load"), "pcsr.library"),
     **dict.fromkeys(
         (
             "Backbone",
@@ -55,6 +58,7 @@ __all__ = [
     "Encoder",
     "Fusion",
     "Item",
+    "Model",
     "Objective",
     "PcsrError",
     "Register",
@@ -68,11 +72,16 @@ __all__ = [
     "UserError",
     "Widths",
     "__version__",
+    "evaluate",
     "hookimpl",
+    "load",
+    "metrics",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "metrics":  # each under a name that says its convention
+        return importlib.import_module("pcsr.metrics")
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'pcsr' has no attribute '{name}'")

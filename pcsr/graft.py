@@ -97,11 +97,10 @@ class Grafted(nn.Module):
         points = self._points(args, kwargs)
         mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device) if mask is None else mask
         _check_touches(points, touches, mask)
-        if touches.shape[1] == 0:
+        exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
+        if touches.shape[1] == 0 or not (exporting or mask.any()):
             return self.network(*args, **kwargs)
-        if not torch.compiler.is_exporting():
-            if not mask.any():
-                return self.network(*args, **kwargs)
+        if not exporting:
             _check_frame(points, touches, mask)
         if isinstance(self.network, Grafted):  # a second joint: both hear the same touches
             kwargs |= {"touches": touches, "mask": mask}
@@ -466,7 +465,7 @@ def _probe(
     layer = _layer(network, at)
     if isinstance(points, int) and not 0 <= points <= len(arguments):
         raise UserError(
-            f"points={points} is no position beside {len(arguments)} other arguments: give those before it in arguments="
+            f"points={points} is no position beside {len(arguments)} others: give those before it in arguments="
         )
     like = _like(network)
     cloud = probe if isinstance(probe, Tensor) else _random_cloud(probe).to(like)
@@ -587,7 +586,7 @@ def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layo
     if len(along) > 1 or (along and moved != along):
         raise UserError(f"{shown}: its width cannot be told: state it with layout='bnc', 'bcn' or 'bcn1'")
     if not along and len(moved) == 1:
-        raise UserError(f"{shown}: not as many points as entered, so the cloud was sampled: graft ahead of that")
+        raise UserError(f"{shown}: not as many points as entered, as behind a sampling: graft ahead of it")
     known: dict[tuple[int, int], tuple[Layout, int]] = {(3, 1): ("bnc", 2), (3, 2): ("bcn", 1), (4, 2): ("bcn1", 1)}
     found = known.get((len(first), along[0])) if along else None
     if found is None or (len(first) == 4 and first[3] != 1):

@@ -31,7 +31,7 @@ FAR = 1.0
 """A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
 RATES = (1.1, 64.0)
 
-Touches = str | Path | Sequence[Touch] | Sequence[Float[np.ndarray, "_ 3"]]
+Touches = str | Path | Sequence[Any]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Model:
         self,
         points: Any,
         touches: Touches = (),
-        rate: float | None = None,
+        rate: float | int | None = None,
         *,
         count: int | None = None,
         keep: bool = True,
@@ -95,7 +95,7 @@ class Model:
         self,
         points: Float[np.ndarray, "n 3"],
         touches: Touches = (),
-        rate: float | None = None,
+        rate: float | int | None = None,
         *,
         count: int | None = None,
         keep: bool = True,
@@ -230,7 +230,7 @@ def _from_hub(name: str) -> Path:
         raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
 
 
-def _count(n: int, rate: float | None, count: int | None) -> int:
+def _count(n: int, rate: float | int | None, count: int | None) -> int:
     if rate is not None and count is not None:
         raise UserError(f"rate {rate:g} and count {count} say the same thing twice: give one of them")
     if count is not None:

@@ -35,12 +35,15 @@ def carry(
         k: how many old points each mean is over; all of them where there are fewer.
 
     Raises:
-        UserError: no old points, a column of another length, or `k` below 1.
+        UserError: no old points, points that are not finite, a column of another length, or `k` below 1.
     """
     if k < 1:
         raise UserError(f"columns are carried over from the k nearest points: k is {k}, at least 1 is needed")
     if not len(old_points):
         raise UserError("columns can't be carried over from a cloud that holds no points")
+    for which, points in (("old", old_points), ("new", new_points)):
+        if not np.isfinite(points).all():
+            raise UserError(f"columns can't be carried over: some of the {which} points are not finite: remove them")
     for name, column in columns.items():
         if len(column) != len(old_points):
             raise UserError(f"column '{name}' has {len(column)} rows for {len(old_points)} points")

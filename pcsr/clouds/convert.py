@@ -30,7 +30,7 @@ def convert(cloud: Any) -> Converted:
     module = type(cloud).__module__.partition(".")[0]
     if module == "torch":
         return _torch(cloud)
-    if module == "trimesh":
+    if module == "trimesh" and not isinstance(cloud, np.ndarray):  # its vertices are an array of its own kind
         return _trimesh(cloud)
     if module == "open3d":
         return _open3d(cloud)

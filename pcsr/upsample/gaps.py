@@ -10,6 +10,8 @@ LONELY = 2.0
 """At most so many times its neighbours' spacing counts: a stray point is not a coarsely sampled surface."""
 REACH = 1.2
 """New points lie within so many spacings of the point that they are nearest to."""
+SAME = 1e-6
+"""And farther from it than this, in radii of the patch: a copy is nothing new."""
 
 
 def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -25,9 +27,14 @@ def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
 def near(
     candidates: Float[np.ndarray, "c 3"], points: Float[np.ndarray, "n 3"]
 ) -> tuple[Bool[np.ndarray, " c"], Int[np.ndarray, " c"]]:
-    """Which candidates bridge no gap wider than the cloud's own spacing there; and each one's nearest point."""
+    """Which candidates are new and bridge no gap wider than the cloud's spacing; and each one's nearest point.
+
+    Args:
+        candidates: in the frame in which the points fill the unit sphere.
+        points: the cloud.
+    """
     distance, nearest = cKDTree(points).query(candidates)
-    close: Bool[np.ndarray, " c"] = distance <= REACH * spacing(points)[nearest]
+    close: Bool[np.ndarray, " c"] = (distance <= REACH * spacing(points)[nearest]) & (distance > SAME)
     return close, nearest
 
 

@@ -157,3 +157,10 @@ def test_neither_columns_nor_new_points_need_be_there():
 def test_what_cannot_be_carried_is_named(columns, old, k, reason):
     with pytest.raises(UserError, match=reason):
         carry(columns, old, np.eye(3), k)
+
+
+def test_points_that_are_not_finite_are_named():
+    bad = np.eye(3) / np.array([1, 1, np.nan])
+    for old, new, which in ((bad, np.eye(3), "old"), (np.eye(3), bad, "new")):
+        with pytest.raises(UserError, match=f"some of the {which} points are not finite: remove them"):
+            carry({"label": np.arange(3)}, old, new)

@@ -144,5 +144,5 @@ def test_touches_of_nowhere_are_refused(recipe, wrong):
                 for touch in super().touches(item, cloud, count, seed)
             ]
 
-    with pytest.raises(UserError, match="shelf/ball: touch 0 lies .* another unit or frame"):
+    with pytest.raises(UserError, match=r"shelf/ball: touch 0 lies .* another unit or frame"):
         made(recipe, source=Elsewhere())

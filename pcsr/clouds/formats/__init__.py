@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, text
+from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.errors import UserError
 from pcsr.files import write_whole
 
@@ -32,7 +32,7 @@ CLOUD_READERS: dict[str, Callable[[bytes], Cloud]] = {
     ".laz": las.read,
 }
 CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
-    ".ply": ply.write,
+    ".ply": ply_writing.write,
     ".pcd": pcd.write,
     ".xyz": text.write_xyz,
     ".txt": text.write_xyz,

@@ -41,14 +41,25 @@ def read(data: bytes) -> Cloud:
 
 
 def _check_counts(data: bytes) -> None:
-    """Check that the records that the header claims have room in the file: laspy would look for each of them."""
+    """Check that what the header claims has room in the file: laspy would look for each record and point."""
     if len(data) < 227:
         raise UserError("it is cut off in its header")
-    claimed = int.from_bytes(data[100:104], "little") * RECORD
-    if data[25] >= 4:  # version 1.4 has long ones, too, after the points
-        claimed += int.from_bytes(data[243:247], "little") * LONG_RECORD
+    new = data[25] >= 4  # version 1.4 has long records, too, after the points, and more points
+    claimed = _whole(data, 100, 4) * RECORD + (_whole(data, 243, 4) * LONG_RECORD if new else 0)
     if claimed > len(data):
         raise UserError("its header claims more records than the file has room for: it is cut off or damaged")
+    count, size, compressed = (
+        _whole(data, 247, 8) if new else _whole(data, 107, 4),
+        _whole(data, 105, 2),
+        data[104] > 127,
+    )
+    there = max(0, len(data) - _whole(data, 96, 4)) // max(size, 1)
+    if there < count and not compressed:
+        raise UserError(f"it is cut off: {there} of its {count} points are there")
+
+
+def _whole(data: bytes, at: int, size: int) -> int:
+    return int.from_bytes(data[at : at + size], "little")
 
 
 def write_las(cloud: Cloud) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.cloud import COLOURS, NORMALS, Cloud, spread
-from pcsr.clouds.formats.text import load_rows, words
+from pcsr.clouds.formats.digits import load_rows, words
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 
 from pcsr.clouds.cloud import NORMALS, Cloud, native, spread, unused
-from pcsr.clouds.formats.text import words
+from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
 
 PADDING = "#$%&~~"
 """What pypcd4 calls fields that only fill up space."""
+HEADER = 1 << 16
+"""A header ends within so many bytes."""
+WIDEST = 10_000
+"""A damaged header may claim billions of numbers for each point, and pypcd4 would name each."""
 
 
 def read(data: bytes) -> Cloud:
@@ -22,6 +26,9 @@ def read(data: bytes) -> Cloud:
     """
     from pypcd4.pypcd4 import PointCloud
 
+    counts = re.search(rb"^COUNT\s+([\d \t]+)", data[:HEADER], re.MULTILINE)
+    if counts and sum(map(int, counts[1].split())) > WIDEST:
+        raise UserError(f"its COUNT is {counts[1].decode().strip()[:80]}: {WIDEST} numbers for each point are the most")
     cloud = PointCloud.from_fileobj(BytesIO(data))  # type: ignore[arg-type]
     meta = cloud.metadata
     missing = [name for name in "xyz" if name not in cloud.fields]

@@ -10,6 +10,7 @@ from io import StringIO
 import numpy as np
 
 from pcsr.clouds.cloud import NORMALS, Cloud, colour_names, one_word_names, spread, unused
+from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
 
 COMMENT = re.compile(r"^[ \t]*(?:#|//).*$", re.MULTILINE)
@@ -46,11 +47,9 @@ def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
     coordinates = _coordinates(names, must=comma) if names else [0, 1, 2]
     if beside and names and width != len(names) and first:
         raise UserError(f"its line of names has {len(names)} columns, the line after it has {width}")
-    if beside and not names:
-        names_above = _commented(text, width)
-        coordinates = _coordinates(names_above, must=False) if names_above else coordinates
-    else:
-        names_above = []
+    told = names or (_commented(text, width) if beside else [])
+    if told and not names:
+        coordinates = _coordinates(told, must=False)
     table = _numbers(text, comma, bool(names), width if beside else None, coordinates)
     if not len(table):
         raise UserError("it holds no points")
@@ -58,12 +57,10 @@ def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
     columns: dict[str, np.ndarray] = {}
     for i in range(width if beside else 0):
         if i not in coordinates:
-            name = ((names or names_above)[i] if names or names_above else "") or f"c{i}"
+            name = unused((told[i] if told else "") or f"c{i}", [*columns, "x", "y", "z"])
             column = np.ascontiguousarray(table[f"{i}"])
             # Normals along the axes may be written without a point.
-            columns[unused(name, [*columns, "x", "y", "z"])] = (
-                column.astype(float) if name.lower() in NORMALS else column
-            )
+            columns[name] = column.astype(np.float64) if name.lower() in NORMALS else column
     return Cloud(points, _colours_in_bytes(columns), {"text": {"header": bool(names)}})
 
 
@@ -199,46 +196,6 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def load_rows(text: str, count: int | None = None) -> np.ndarray:
-    """Rows of doubles parted by white space, all of one width; at most `count` of them.
-
-    Raises:
-        UserError: rows of different widths, or something else than numbers.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # no rows at all, or empty lines among them
-        try:
-            return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
-        except ValueError as error:
-            raise UserError(f"its rows of numbers cannot be read: {error}") from error
-
-
-def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
-    """The column in another type.
-
-    Raises:
-        UserError: the type is one of integers, and the column holds something else.
-    """
-    if kind.kind not in "iu" or column.dtype == kind:
-        return column.astype(kind, copy=False)
-    with np.errstate(invalid="ignore"):
-        cast = column.astype(kind)
-    bad = np.flatnonzero((cast != column).reshape(len(column), -1).any(axis=1))
-    if len(bad):
-        raise UserError(f"'{name}' holds {column[bad[0]]} at point {bad[0]}, which is no {kind}")
-    return cast
-
-
-def words(column: np.ndarray) -> list[str]:
-    """The shortest digits that read back as the same number of the column's type."""
-    if column.dtype.kind == "b":
-        column = column.astype(np.uint8)
-    if column.dtype.kind == "f" and column.dtype.itemsize < 8:
-        shortest: list[str] = column.astype("U32").tolist()
-        return shortest
-    return list(map(repr, column.astype(np.float64).tolist() if column.dtype.kind == "f" else column.tolist()))
 
 
 def write_xyz(cloud: Cloud) -> bytes:

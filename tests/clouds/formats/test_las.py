@@ -171,6 +171,14 @@ def test_a_header_that_claims_billions_of_records_is_refused_at_once(laspy, at):
         read(bytes(data))
 
 
+@pytest.mark.parametrize(("point_format", "at"), [(3, 107), (7, 247)])
+def test_a_header_that_claims_billions_of_points_is_refused_at_once(laspy, point_format, at):
+    data = bytearray(scan(laspy, point_format))
+    data[at : at + 4] = b"\xff" * 4
+    with pytest.raises(UserError, match="cut off: 3 of its 4294967295 points are there"):
+        read(bytes(data))
+
+
 def test_laz_holds_the_same_or_names_the_remedy(laspy, tmp_path):
     if laspy.LazBackend.detect_available():
         writable(tmp_path / "a.laz")

@@ -116,5 +116,7 @@ def test_what_is_missing_is_said():
         read(pcd("x y", "4 4", "F F", "1 1", ["1 2"]))
     with pytest.raises(UserError, match=r"it cannot be read as a \.pcd cloud"):
         read(pcd("x y z x", "4 4 4 4", "F F F F", "1 1 1 1", ["1 2 3 4"]))
+    with pytest.raises(UserError, match="its COUNT is 1 1 999999999: 10000 numbers for each point are the most"):
+        read(pcd("x y z", "4 4 4", "F F F", "1 1 999999999", ["1 2 3"]))
     with pytest.raises(UserError, match="cut off: 1 of its 2"):
         read(pcd("x y z", "4 4 4", "F F F", "1 1 1", ["1 2 3", ""]))

@@ -1,13 +1,9 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pcsr import UserError
-from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes, write_cloud
-from pcsr.clouds.formats.ply import TYPES, smallest
+from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
 
 FULL = (
     "ply\nformat {encoding} 1.0\ncomment by hand: ä\nobj_info scan 7\n"
@@ -86,16 +82,6 @@ def test_the_same_kind_of_file_is_written_again(encoding):
     }
 
 
-def test_coordinates_are_floats_only_where_nothing_is_lost():
-    cloud = read(full("binary_little_endian"))
-    assert b"property float x\n" in cloud_bytes(cloud, ".ply")
-    for moved in (cloud.points + 0.1, cloud.points + 1e300):
-        data = cloud_bytes(Cloud(moved, cloud.columns, cloud.about), ".ply")
-        assert b"property double x\n" in data
-        assert read(data).points.tobytes() == moved.tobytes()
-    assert b"property double x\n" in cloud_bytes(Cloud(cloud.points), ".ply")
-
-
 def test_digits_in_text_are_not_cut_to_floats():
     text = FULL.format(encoding="ascii").split("element")[0]
     text += "element vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n4512345.678 0.1 1\n"
@@ -116,15 +102,6 @@ def test_a_name_in_another_encoding_is_one_that_every_format_takes():
     for suffix in (".ply", ".npz", ".pcd", ".xyz", ".csv"):
         again = read_cloud_bytes(cloud_bytes(read(data), suffix), suffix, "it")
         assert again.columns["_s" if suffix == ".pcd" else "\ufffds"].tolist() == [0.1, 1e300, 9]
-
-
-def test_other_programs_read_what_is_written(tmp_path):
-    columns = {"red": np.array([1, 2], "u1"), "green": np.array([3, 4], "u1"), "blue": np.array([5, 6], "u1")}
-    for about in ({}, {"ply": {"encoding": "ascii"}}, {"ply": {"encoding": "binary_big_endian"}}):
-        write_cloud(tmp_path / "a.ply", Cloud(np.eye(3)[:2], columns, about))
-        loaded = trimesh.load(tmp_path / "a.ply")
-        assert loaded.vertices.tolist() == [[1, 0, 0], [0, 1, 0]]
-        assert loaded.colors[:, :3].tolist() == [[1, 3, 5], [2, 4, 6]]
 
 
 def test_what_other_programs_write_is_read():
@@ -197,34 +174,3 @@ def test_lists_that_cannot_be_are_refused(count):
     uneven = [row + np.array([k], "i4").tobytes() + np.zeros(2, "f4").tobytes() for k in (2, 1)]
     with pytest.raises(UserError, match="lists 'w' of different lengths"):
         read(lines.encode() + b"".join(uneven))
-
-
-@given(values=st.lists(st.integers(-(2**53), 2**53), min_size=1, max_size=4))
-def test_integers_take_a_type_that_holds_them(values):
-    column = np.array(values)
-    kind = smallest(column, "it")
-    assert kind.str[1:] in TYPES.values()
-    assert column.astype(kind).astype(np.int64).tolist() == values
-
-
-@pytest.mark.parametrize(
-    ("column", "kind"),
-    [
-        (np.array([True, False]), "u1"),
-        (np.array([0, 255]), "u1"),
-        (np.array([0, 256]), "i4"),
-        (np.array([2**32 - 1], np.uint64), "u4"),
-        (np.array([2**40]), "f8"),
-        (np.array([1.5], np.float16), "f4"),
-        (np.array([1.5], np.longdouble), "f8"),
-        (np.array([-7], np.int8), "i1"),
-    ],
-)
-def test_types_that_ply_lacks_take_the_next(column, kind):
-    assert smallest(column, "it") == np.dtype(kind)
-
-
-def test_integers_that_no_type_holds_are_refused():
-    for column in (np.array([2**63], np.uint64), np.array([-(2**60)])):
-        with pytest.raises(UserError, match="no integers as large as those of column 'id'"):
-            smallest(column, "id")

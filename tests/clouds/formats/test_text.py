@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
-from pcsr.clouds.formats.text import csv_points, fitting, load_rows, read_xyz, words, xyz_points
+from pcsr.clouds.formats.text import csv_points, read_xyz, xyz_points
 
 
 def read(text, suffix=".xyz"):
@@ -167,29 +167,3 @@ def test_what_was_read_is_written_with_a_line_of_names_if_there_was_one(suffix):
     for head in ("x y z\n", ""):
         text = (head + "1.0 2.0 3.0\n").replace(" ", "," if suffix == ".csv" else " ")
         assert cloud_bytes(read(text, suffix), suffix).decode() == text
-
-
-@pytest.mark.parametrize("kind", ["f2", "f4", "f8", "i8", "u8", "?"])
-def test_words_are_the_shortest_that_read_back_the_same(kind):
-    rng = np.random.default_rng(0)
-    column = rng.integers(0, 2, 50).astype(kind) if kind == "?" else (abs(rng.normal(size=50)) * 100).astype(kind)
-    again = np.array([float(word) for word in words(column)]).astype(kind)
-    np.testing.assert_array_equal(again, column)
-    assert words(np.array([0.1], "f4")) == ["0.1"]
-
-
-def test_rows_for_other_formats():
-    assert load_rows("1 2\n\n3 4\n5 6\n", 2).tolist() == [[1, 2], [3, 4]]
-    assert len(load_rows("")) == 0
-    with pytest.raises(UserError, match="rows of numbers cannot be read"):
-        load_rows("1 2\n3\n")
-
-
-def test_numbers_fit_a_type_or_are_named():
-    assert fitting(np.array([1.0, 255.0]), np.dtype("u1"), "a").tolist() == [1, 255]
-    assert fitting(np.array([0.1]), np.dtype("f4"), "a").dtype == np.float32
-    for value in (256.0, -1.0, 0.5, np.nan, np.inf):
-        with pytest.raises(UserError, match=rf"'a' holds .*{value}.* at point 1, which is no uint8"):
-            fitting(np.array([0, value]), np.dtype("u1"), "a")
-    with pytest.raises(UserError, match="at point 0"):
-        fitting(np.array([[0, 0.5]]), np.dtype("i4"), "a")

@@ -1,0 +1,48 @@
+"""Numbers as text, for the formats that have text in them: rows of doubles, and the shortest digits."""
+
+import warnings
+from io import StringIO
+
+import numpy as np
+
+from pcsr.errors import UserError
+
+
+def load_rows(text: str, count: int | None = None) -> np.ndarray:
+    """Rows of doubles parted by white space, all of one width; at most `count` of them.
+
+    Raises:
+        UserError: rows of different widths, or something else than numbers.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # no rows at all, or empty lines among them
+        try:
+            return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
+        except ValueError as error:
+            raise UserError(f"its rows of numbers cannot be read: {error}") from error
+
+
+def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
+    """The column in another type.
+
+    Raises:
+        UserError: the type is one of integers, and the column holds something else.
+    """
+    if kind.kind not in "iu" or column.dtype == kind:
+        return column.astype(kind, copy=False)
+    with np.errstate(invalid="ignore"):
+        cast = column.astype(kind)
+    bad = np.flatnonzero((cast != column).reshape(len(column), -1).any(axis=1))
+    if len(bad):
+        raise UserError(f"'{name}' holds {column[bad[0]]} at point {bad[0]}, which is no {kind}")
+    return cast
+
+
+def words(column: np.ndarray) -> list[str]:
+    """The shortest digits that read back as the same number of the column's type."""
+    if column.dtype.kind == "b":
+        column = column.astype(np.uint8)
+    if column.dtype.kind == "f" and column.dtype.itemsize < 8:
+        shortest: list[str] = column.astype("U32").tolist()
+        return shortest
+    return list(map(repr, column.astype(np.float64).tolist() if column.dtype.kind == "f" else column.tolist()))

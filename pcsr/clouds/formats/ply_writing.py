@@ -1,0 +1,74 @@
+"""Writing PLY: vertices with every column of a cloud, in the encoding that they were read in."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from pcsr.clouds.cloud import Cloud, one_word_names, spread
+from pcsr.clouds.formats.digits import words
+from pcsr.clouds.formats.ply import ORDERS, TYPES
+from pcsr.errors import UserError
+
+NAMES = {code: name for name, code in TYPES.items()}
+
+
+def write(cloud: Cloud) -> bytes:
+    """The cloud in the encoding that it was read in, else binary; columns keep their types.
+
+    Coordinates are floats where they were floats and still are, else doubles. What has no type in PLY takes
+    the smallest that holds it: 64-bit integers become 32-bit ones.
+
+    Raises:
+        UserError: integers that no type of PLY holds.
+    """
+    about = cloud.about.get("ply", {})
+    encoding = about.get("encoding", "binary_little_endian")
+    columns: dict[str, np.ndarray] = dict(zip("xyz", _coordinates(cloud.points, about).T, strict=True))
+    for name, column in one_word_names(spread(cloud.columns, rest=False)).items():
+        columns[name] = column.astype(smallest(column, name), copy=False)
+    lines = ["ply", f"format {encoding} 1.0", *about.get("comments", ()), f"element vertex {len(cloud)}"]
+    parts: list[tuple[str, str, tuple[int, ...]]] = []
+    values: list[np.ndarray] = []
+    for number, (name, column) in enumerate(columns.items()):
+        code = column.dtype.str[1:]
+        if column.ndim == 2:
+            length = "uchar" if column.shape[1] < 256 else "uint"
+            lines.append(f"property list {length} {NAMES[code]} {name}")
+            parts.append((f"length {number}", ORDERS[encoding] + TYPES[length], ()))
+            values.append(np.full(len(cloud), column.shape[1], TYPES[length]))
+        else:
+            lines.append(f"property {NAMES[code]} {name}")
+        parts.append((f"{number}", ORDERS[encoding] + code, column.shape[1:]))
+        values.append(column)
+    header = "".join(line + "\n" for line in [*lines, "end_header"]).encode("utf-8", "surrogateescape")
+    if encoding == "ascii":
+        flat = [each for value in values for each in (value.T if value.ndim == 2 else [value])]
+        return header + "".join(" ".join(row) + "\n" for row in zip(*map(words, flat), strict=True)).encode()
+    rows = np.zeros(len(cloud), parts)
+    for (name, _, _), value in zip(parts, values, strict=True):
+        rows[name] = value
+    return header + rows.tobytes()
+
+
+def _coordinates(points: Float64[np.ndarray, "n 3"], about: dict[str, str]) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        single = points.astype(np.float32)
+    return single if about.get("coordinates") == "float" and (single == points).all() else points
+
+
+def smallest(column: np.ndarray, name: str) -> np.dtype:
+    """The type of PLY that holds all of a column: its own where PLY has it.
+
+    Raises:
+        UserError: it holds integers beyond 32 bits that doubles don't hold either.
+    """
+    if column.dtype.str[1:] in NAMES:
+        return column.dtype
+    if column.dtype.kind == "f":
+        return np.dtype(np.float32 if column.dtype.itemsize < 4 else np.float64)
+    low, high = (int(column.min()), int(column.max())) if column.size else (0, 0)
+    for kind in ("u1", "i4", "u4"):
+        if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max:
+            return np.dtype(kind)
+    if max(-low, high) <= 2**53:
+        return np.dtype(np.float64)
+    raise UserError(f"a .ply holds no integers as large as those of column '{name}': write a .npz")
