@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         Upsampler,
         Widths,
     )
+    from pcsr.grafting import Grafted, graft
     from pcsr.library import Model, evaluate, load
     from pcsr.registry import Register
 
@@ -35,6 +36,7 @@ _HOMES = {
     "Touch": "pcsr.clouds.touch",
     "Register": "pcsr.registry",
     **dict.fromkeys(("Model", "evaluate", "load"), "pcsr.library"),
+    **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
             "Backbone",
@@ -57,6 +59,7 @@ __all__ = [
     "Backbone",
     "Encoder",
     "Fusion",
+    "Grafted",
     "Item",
     "Model",
     "Objective",
@@ -73,6 +76,7 @@ __all__ = [
     "Widths",
     "__version__",
     "evaluate",
+    "graft",
     "hookimpl",
     "load",
     "metrics",

@@ -26,6 +26,7 @@ class BuiltIn(NamedTuple):
 COMMANDS = {
     "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud of your own dense."),
     "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud beside the truth."),
+    "export": BuiltIn("pcsr.cli.export:export", "Write a network as ONNX."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
     "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh."),

@@ -21,4 +21,5 @@ def pair(points: Points, touches: Touches) -> Float[Tensor, "b a n c"]:
     met = place * m // n  # (b n)
     touched = hilbert_order(touches.points)  # (b a m)
     index = touched.gather(-1, met.unsqueeze(1).expand(-1, touched.shape[1], -1))  # (b a n)
-    return torch.take_along_dim(touches.features, index.unsqueeze(-1), dim=2)
+    # gather, not take_along_dim: exported, that would fix the size of the batch.
+    return touches.features.gather(2, index.unsqueeze(-1).expand(-1, -1, -1, touches.features.shape[-1]))

@@ -1,0 +1,192 @@
+"""`pcsr upsample` and `pcsr evaluate`, run as a person would run them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from pcsr import Touch
+from pcsr.cli import pcsr
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import read_cloud, read_points, write_cloud, write_points
+from pcsr.recorded import write
+
+
+def run(*arguments, **options):
+    return CliRunner().invoke(pcsr, [str(argument) for argument in arguments], **options)
+
+
+def bowl(count=80, seed=0):
+    xy = np.random.default_rng(seed).uniform(-1, 1, (count, 2))
+    return np.column_stack([xy, 0.3 * xy[:, 0] ** 2 + 0.1 * xy[:, 1]])
+
+
+@pytest.fixture
+def scan(tmp_path):
+    """A coloured cloud at UTM coordinates, with normals, an intensity and a label."""
+    points = bowl() + [500_000.0, 5_400_000.0, 300.0]
+    left = points[:, 0] < 500_000
+    columns = {
+        "red": np.where(left, 250, 10).astype(np.uint8),
+        "green": np.full(80, 100, np.uint8),
+        "blue": np.where(left, 0, 200).astype(np.uint8),
+        "nx": np.zeros(80, np.float32),
+        "ny": np.zeros(80, np.float32),
+        "nz": np.ones(80, np.float32),
+        "intensity": np.linspace(0, 1, 80).astype(np.float32),
+        "label": np.where(left, 7, 3).astype(np.int32),
+    }
+    write_cloud(tmp_path / "scan.ply", Cloud(points, columns))
+    return tmp_path / "scan.ply"
+
+
+@pytest.mark.parametrize(("arguments", "count"), [([], 320), (["--rate", "2.5"], 200), (["--points", "123"], 123)])
+def test_as_many_points_come_out_as_were_asked_for(scan, tmp_path, arguments, count):
+    done = run("upsample", scan, "-o", tmp_path / "out.ply", *arguments)
+    assert done.exit_code == 0, done.output
+    assert f"80 points to {count} by tapsr in " in done.output
+    dense, given = read_cloud(tmp_path / "out.ply"), read_cloud(scan)
+    assert len(dense) == count
+    np.testing.assert_array_equal(dense.points[:80], given.points)
+
+
+def test_colours_normals_and_labels_survive_and_so_do_millimetres(scan, tmp_path):
+    assert run("upsample", scan, "-o", tmp_path / "out.ply", "--model", "midpoint").exit_code == 0
+    dense, given = read_cloud(tmp_path / "out.ply"), read_cloud(scan)
+    assert list(dense.columns) == list(given.columns)
+    for name, column in given.columns.items():
+        assert dense.columns[name].dtype == column.dtype
+        np.testing.assert_array_equal(dense.columns[name][:80], column)
+    assert set(dense.columns["label"]) == {3, 7}
+    inner = dense.points[:, 0] < 500_000 - 0.5
+    assert (dense.columns["red"][inner] > 200).all()
+    assert (dense.columns["green"] == 100).all()
+    normals = np.stack([dense.columns[name] for name in ("nx", "ny", "nz")], 1)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * len(dense), atol=1e-6)
+    local = dense.points - [500_000.0, 5_400_000.0, 300.0]
+    surface = 0.3 * local[:, 0] ** 2 + 0.1 * local[:, 1]
+    assert np.abs(local[:80, 2] - surface[:80]).max() < 1e-6
+    assert np.abs(local[:, 2] - surface).max() < 0.1
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".xyz", ".txt", ".csv", ".npy", ".npz", ".las", ".laz"])
+def test_every_format_goes_in_and_out(tmp_path, suffix):
+    write_points(tmp_path / "in.xyz", bowl())
+    first = run("upsample", tmp_path / "in.xyz", "-o", tmp_path / f"a{suffix}", "--rate", 2, "--model", "midpoint")
+    assert first.exit_code == 0, first.output
+    again = run("upsample", tmp_path / f"a{suffix}", "-o", tmp_path / "b.npy", "--rate", 2, "--model", "midpoint")
+    assert again.exit_code == 0, again.output
+    assert read_points(tmp_path / "b.npy").shape == (320, 3)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".stl", ".glb", ".off"])
+def test_of_a_mesh_the_vertices_are_taken(tmp_path, suffix):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.export(tmp_path / f"ball{suffix}")
+    done = run("upsample", tmp_path / f"ball{suffix}", "-o", tmp_path / "out.ply", "--rate", 3, "--model", "midpoint")
+    assert done.exit_code == 0, done.output
+    assert len(read_points(tmp_path / "out.ply")) % 3 == 0
+
+
+def test_a_pipe_takes_and_gives_clouds(scan):
+    command = [str(Path(sys.executable).with_name("pcsr")), "upsample", "-", "-o", "-", "--rate", "2"]
+    done = subprocess.run([*command, "--model", "midpoint"], input=scan.read_bytes(), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"ply")
+    assert b"element vertex 160" in done.stdout[:200]
+    assert b"80 points to 160" in done.stderr
+
+
+def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
+    points = read_points(scan)
+    felt = [Touch.of_one_finger(points[:40] + 1e-3, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
+    write(tmp_path / "touches", felt)
+    (tmp_path / "touches" / "1.ply").write_text("noise")
+    command = ("upsample", scan, "--rate", 2)
+    plain = run(*command, "-o", tmp_path / "plain.npy")
+    done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches")
+    assert (plain.exit_code, done.exit_code) == (0, 0), done.output
+    assert "touch 1.ply is left out: " in done.output
+    assert "80 points and 1 touches to 160 by tapsr" in done.output
+    assert not np.array_equal(read_points(tmp_path / "plain.npy"), read_points(tmp_path / "out.npy"))
+
+
+def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
+    points = bowl()
+    points[3, 1] = np.nan
+    points[5, 0] = np.inf
+    np.save(tmp_path / "in.npy", points)
+    refused = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--model", "midpoint")
+    assert refused.exit_code == 2
+    assert "2 of " in refused.output
+    dropped = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--bad", "drop", "--model", "midpoint")
+    assert dropped.exit_code == 0, dropped.output
+    assert "2 points were not finite and are left out" in dropped.output
+    assert len(read_points(tmp_path / "out.npy")) == 4 * 78
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "said"),
+    [
+        (b"", "in.ply", "in.ply"),
+        (b"1 2 3\n4 5\n", "in.xyz", "line 2"),
+        (b"1 2 3\n4 five 6\n", "in.xyz", "line 2"),
+        (b"1 2 3\n" * 3, "in.ply", "in.ply"),
+        (b"1 2 3\n2 3 4\n3 4 6\n", "in.xyz", "the cloud has 3 points: at least 16 are needed"),
+        (b"1 2 3\n" * 20, "in.xyz", "all 20 points of the cloud lie on one spot"),
+        (b"1 2 3\n", "in.doc", "'.doc'"),
+    ],
+)
+def test_a_cloud_that_cannot_be_used_is_one_line_and_no_file(tmp_path, content, name, said):
+    (tmp_path / name).write_bytes(content)
+    done = run("upsample", tmp_path / name, "-o", tmp_path / "out.ply", "--model", "midpoint")
+    assert done.exit_code == 2
+    assert said in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    assert not (tmp_path / "out.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--rate", "0.5"], "rate is 0.5: it must be 1.1 to 64"),
+        (["--rate", "2", "--points", "200"], "say the same thing twice"),
+        (["--points", "40"], "40 points were asked of a cloud of 80"),
+        (["--model", "taspr"], "did you mean 'tapsr'"),
+        (["--touch", "nowhere"], "nowhere"),
+        (["--device", "cuda:9"], "--device cuda:9"),
+    ],
+)
+def test_a_mistake_is_one_line_and_no_file(scan, tmp_path, arguments, said):
+    done = run("upsample", scan, "-o", tmp_path / "out.ply", *arguments)
+    assert done.exit_code == 2
+    assert said in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    assert not (tmp_path / "out.ply").exists()
+
+
+def test_a_suffix_that_nobody_writes_is_said_before_the_work(scan, tmp_path):
+    done = run("upsample", scan, "-o", tmp_path / "out.stl")
+    assert done.exit_code == 2
+    assert ".stl" in done.output
+
+
+def test_evaluate_prints_every_metric_with_its_convention(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball.export(tmp_path / "mesh.stl")
+    write_points(tmp_path / "truth.ply", ball.vertices)
+    write_points(tmp_path / "made.ply", ball.vertices * 1.01)
+    told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
+    assert told.exit_code == 0, told.output
+    assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
+    assert "the truth fills the unit sphere" in " ".join(told.output.split())
+    plain = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none")
+    assert json.loads(plain.output)["cd"] == pytest.approx(2 * 0.01**2, rel=1e-3)
+    wrong = run("evaluate", tmp_path / "made.ply", tmp_path / "none.ply")
+    assert wrong.exit_code == 2
+    assert "none.ply" in wrong.output
