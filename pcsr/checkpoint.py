@@ -1,6 +1,8 @@
 """Weights with their recipe, and the state of a training run. All safetensors: nothing is unpickled."""
 
+import hashlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,16 +11,75 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
+from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.model import Network, build
 from pcsr.recipe import Recipe, from_resolved
-from pcsr.registry import Registry
+from pcsr.recipe.compose import PARTS
+from pcsr.registry import Entry, Registry
+
+OURS = "pcsr"
+"""The distribution whose parts everybody has."""
+FILE = "file"
+"""The version of a part that came from a file, not from an installed distribution."""
+PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
+"""What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
+ANEW = "They come from another version of its parts: train again, or install that version"
 
 
-def save_weights(path: Path, network: nn.Module, card: dict[str, Any]) -> None:
-    """Write weights; the card (recipe, data fingerprint, metrics, version) becomes the file's header."""
-    save_tensors(path, network.state_dict(), {"pcsr": json.dumps(card)})
+def save_weights(path: Path, network: nn.Module, card: dict[str, Any], registry: Registry | None = None) -> None:
+    """Write weights; the card (recipe, data fingerprint, metrics, version) becomes the file's header.
+
+    Args:
+        path: the file.
+        network: whose weights.
+        card: what to say of them. The hash of the weights is added as `sha256`.
+        registry: where the recipe's parts are from; those that are not pcsr's own are then added as `parts`.
+    """
+    tensors = network.state_dict()
+    card = {**card, "sha256": tensors_hash(tensors)}
+    if registry is not None and "recipe" in card:
+        card["parts"] = foreign_parts(card["recipe"], registry)
+    save_tensors(path, tensors, {"pcsr": json.dumps(card)})
+
+
+def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
+    """SHA-256 over the names, types, shapes and bytes of tensors, in the order of their names."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        digest.update(json.dumps([name, str(tensor.dtype), list(tensor.shape)]).encode() + b"\n")
+        digest.update(tensor.detach().cpu().reshape(-1).contiguous().view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
+    """The parts of a resolved recipe that do not come with pcsr: kind, name, owner and version of each.
+
+    Of a plugin file the owner is its name, without the folder, and the version is "file".
+    """
+    parts = []
+    for kind, name in _used(recipe):
+        entry = registry.entries.get((kind, name))
+        if entry is not None and entry.owner != OURS:
+            parts.append({"kind": kind, "name": name, "owner": _owner(entry), "version": entry.version})
+    return parts
+
+
+def _used(recipe: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Kind and name of each part that a recipe names, each once, whatever else is wrong with it."""
+    used = []
+    for (section, place), kind in PARTS.items():
+        inner = recipe.get(str(section))
+        part = inner.get(place) if isinstance(inner, dict) else None
+        if isinstance(part, dict) and isinstance(part.get("use"), str):
+            used.append((kind, part["use"]))
+    return list(dict.fromkeys(used))
+
+
+def _owner(entry: Entry) -> str:
+    """Who brings a part, without the folders that a file lies in."""
+    return Path(entry.owner).name if entry.version == FILE else entry.owner
 
 
 def read_card(path: Path) -> dict[str, Any]:
@@ -34,24 +95,104 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     """A network ready for use (in `eval` mode), its recipe and its card.
 
     Raises:
-        UserError: no weights file, a part that is not installed, or weights that don't fit the recipe.
+        UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
+            don't fit the recipe. The message says what to do.
     """
     tensors, card = _read(path)
-    if "recipe" not in card:
+    recipe = card.get("recipe")
+    if not isinstance(recipe, dict):
         raise UserError(
             f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
         )
-    recipe = from_resolved(card["recipe"], registry)
-    network = build(recipe, registry)
-    fill(network, tensors, path)
-    return network.eval(), recipe, card
+    if "sha256" in card and card["sha256"] != tensors_hash(tensors):
+        raise UserError(f"{path} has changed since it was written (its hash differs): get it again")
+    _check_parts(path, card, registry)
+    network, checked = _build(path, recipe, card, registry)
+    fill(network, tensors, path, remedy=_remedy(card, registry))
+    for name, tensor in network.state_dict().items():
+        if not torch.isfinite(tensor).all():
+            raise UserError(f"{path} is damaged: its weights '{name}' are not all finite: get it again, or train again")
+    return network.eval(), checked, card
 
 
-def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path) -> None:
+def _build(path: Path, recipe: dict[str, Any], card: dict[str, Any], registry: Registry) -> tuple[Network, Recipe]:
+    """The network of the recipe in a card."""
+    try:
+        checked = from_resolved(recipe, registry)
+        return build(checked, registry), checked
+    except Exception as error:  # nobody knows what parts make of options that were not meant for them
+        said = "; ".join(str(error).splitlines()) or type(error).__name__
+        raise UserError(f"the network of {path} cannot be built here ({said}). {_remedy(card, registry)}") from error
+
+
+def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
+    """What a card says of foreign parts, as far as it can be believed."""
+    parts = card.get("parts")
+    return [
+        part
+        for part in (parts if isinstance(parts, list) else [])
+        if isinstance(part, dict)
+        and all(isinstance(part.get(key), str) and re.fullmatch(shape, part[key]) for key, shape in PLAIN.items())
+    ]
+
+
+def _check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
+    """Name the parts that are not here, and what brings them.
+
+    Raises:
+        UserError: at least one is not here.
+    """
+    known = {(part["kind"], part["name"]): part for part in _parts(card)}
+    missing = [part for part in _used(card["recipe"]) if part not in registry.entries]
+    if missing:
+        needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
+        raise UserError(f"the weights {path} need {needed}")
+
+
+def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
+    """A part that is not here, and the remedy."""
+    if part is None:  # before it was noted, or a part of ours that has gone
+        return f"{kind} '{name}', which no plugin here brings: install the one that does, or hand its file in"
+    owner, version = part["owner"], part["version"]
+    if version == FILE:
+        return f"{kind} '{name}' of the plugin file {owner}: hand in that file with --plugin (in Python: plugins=[…])"
+    if any(failure.owner == owner for failure in registry.failures):
+        return f"{kind} '{name}' of {owner} {version}, which failed to load: see `pcsr plugins --why {owner}`"
+    installed = {entry.owner: entry.version for entry in registry}.get(owner)
+    here = "" if installed is None else f", and {owner} {installed} is installed"
+    return f"{kind} '{name}' of {owner} {version}{here}: pip install {owner}=={version}"
+
+
+def _remedy(card: Mapping[str, Any], registry: Registry) -> str:
+    """What to do about weights that don't fit: which versions made them, and which are here."""
+    made, here, install, files = [], [], [], []
+    for part in _parts(card):
+        entry = registry.entries.get((part["kind"], part["name"]))
+        if entry is None or (_owner(entry), entry.version) == (part["owner"], part["version"]):
+            continue
+        made.append(f"{part['kind']} '{part['name']}' of {part['owner']} {part['version']}")
+        here.append(f"{_owner(entry)} {entry.version}")
+        if part["version"] == FILE:
+            files.append(part["owner"])
+        else:
+            install.append(f"{part['owner']}=={part['version']}")
+    version = card.get("version")
+    if isinstance(version, str) and re.fullmatch(PLAIN["version"], version) and version != __version__:
+        made.append(f"pcsr {version}")
+        here.append(f"pcsr {__version__}" if here else __version__)
+        install.append(f"pcsr=={version}")
+    if not made:
+        return ANEW
+    ways = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
+    ways += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
+    return f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(ways)}, or train again"
+
+
+def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path, remedy: str = ANEW) -> None:
     """Put tensors into a network.
 
     Raises:
-        UserError: names or shapes differ; the message says which.
+        UserError: names or shapes differ; the message says which, and the remedy.
     """
     wanted = network.state_dict()
     wrong = [f"{name} is missing" for name in wanted if name not in tensors]
@@ -64,8 +205,7 @@ def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path) -> None:
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
         raise UserError(
-            f"the weights in {path} do not fit the network of their recipe: {'; '.join(wrong[:3])}{more}. "
-            f"They come from another version of its parts: train again, or install that version"
+            f"the weights in {path} do not fit the network of their recipe: {'; '.join(wrong[:3])}{more}. {remedy}"
         )
     network.load_state_dict(dict(tensors))
 
@@ -93,14 +233,22 @@ def load_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimiz
 
 
 def _read(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    if path.is_dir():
+        raise UserError(f"{path} is a folder, not a weights file: name the file in it")
     if not path.is_file():
         raise UserError(f"{path}: there is no such weights file")
     try:
         with safe_open(path, "pt") as file:
-            card = json.loads((file.metadata() or {})["pcsr"])
+            written = (file.metadata() or {}).get("pcsr")
+            if written is None:
+                raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
+            card = json.loads(written)
+            if not isinstance(card, dict):
+                raise ValueError(f"its card is a {type(card).__name__}, not a mapping")
             return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
-    except (SafetensorError, KeyError, ValueError) as error:
+    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
+    except (SafetensorError, OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
         raise UserError(
-            f"{path} is not a weights file of pcsr ({type(error).__name__}: {error}): "
-            f"delete it, and `pcsr run` trains it again"
+            f"{path} is not a weights file of pcsr ({said}): get it again, or delete it, and `pcsr run` trains it again"
         ) from error

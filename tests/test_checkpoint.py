@@ -1,17 +1,33 @@
 """Weights and the state of training, to a file and back."""
 
+import dataclasses
+import hashlib
 import json
+import re
 from pathlib import Path
 
 import pytest
 import torch
-from safetensors.torch import save_file
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from safetensors.torch import load_file, save_file
 
-from pcsr.checkpoint import fill, load_training, load_weights, read_card, save_training, save_weights
+from pcsr import __version__
+from pcsr.checkpoint import (
+    fill,
+    foreign_parts,
+    load_training,
+    load_weights,
+    read_card,
+    save_training,
+    save_weights,
+    tensors_hash,
+)
 from pcsr.errors import UserError
 from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
+from pcsr.registry import Failure
 
 SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
 
@@ -51,8 +67,9 @@ def test_the_weights_that_come_back_are_those_of_the_file_not_of_the_seed(saved)
 
 
 def test_the_card_is_read_alone_and_no_temporary_file_stays(saved):
-    path, _ = saved
-    assert read_card(path) == {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}}
+    path, network = saved
+    sha256 = tensors_hash(network.state_dict())
+    assert read_card(path) == {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}, "sha256": sha256}
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -89,7 +106,9 @@ def test_a_damaged_file_is_refused(saved, damage):
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("metadata", [None, {"format": "pt"}, {"pcsr": "{"}])
+@pytest.mark.parametrize(
+    "metadata", [None, {"format": "pt"}, {"pcsr": "{"}, {"pcsr": "[1]"}, {"pcsr": "null"}, {"pcsr": "[" * 100_000}]
+)
 def test_a_safetensors_file_of_others_is_refused(tmp_path, metadata):
     save_file({"weight": torch.zeros(2)}, tmp_path / "other.safetensors", metadata)
     with pytest.raises(UserError, match="is not a weights file of pcsr"):
@@ -106,6 +125,218 @@ def test_a_card_without_recipe_is_refused(saved):
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(UserError, match="there is no such weights file"):
         load_weights(tmp_path / "none.safetensors", load_plugins())
+
+
+def refusal(path, registry=None):
+    """What a person reads: one line that names the file."""
+    with pytest.raises(UserError) as caught:
+        load_weights(path, registry or load_plugins())
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_folder_is_refused(tmp_path):
+    assert "is a folder" in refusal(tmp_path)
+
+
+def test_a_file_cut_anywhere_is_refused(tmp_path):
+    path = tmp_path / "small.safetensors"
+    save_weights(path, torch.nn.Linear(2, 1), {"name": "small"})
+    assert "holds no recipe" in refusal(path)
+    content = path.read_bytes()
+    for length in range(len(content)):
+        path.write_bytes(content[:length])
+        assert "is not a weights file of pcsr" in refusal(path)
+    path.write_bytes(content + b"\0")
+    assert "is not a weights file of pcsr" in refusal(path)
+
+
+FREELY = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@FREELY
+@given(st.binary(max_size=300), st.booleans())
+def test_any_bytes_are_refused(tmp_path, content, headed):
+    path = tmp_path / "bytes.safetensors"
+    path.write_bytes(len(content).to_bytes(8, "little") * headed + content)
+    assert "is not a weights file of pcsr" in refusal(path)
+
+
+@FREELY
+@given(st.floats(0, 1, exclude_max=True), st.integers(1, 255))
+def test_no_byte_of_the_weights_can_change_unseen(saved, place, change):
+    path, network = saved
+    content = bytearray(path.read_bytes())
+    weights = sum(tensor.nbytes for tensor in network.state_dict().values())
+    at = len(content) - 1 - int(place * weights)
+    content[at] ^= change
+    changed = path.with_name("changed.safetensors")
+    changed.write_bytes(content)
+    assert "has changed since it was written (its hash differs): get it again" in refusal(changed)
+
+
+@FREELY
+@given(st.data())
+def test_a_header_with_a_changed_byte_loads_or_is_refused_in_one_line(saved, data):
+    path, _ = saved
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, 7 + int.from_bytes(content[:8], "little")))] = data.draw(st.integers(0, 255))
+    changed = path.with_name("changed.safetensors")
+    changed.write_bytes(content)
+    try:
+        load_weights(changed, load_plugins())
+    except UserError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+def test_a_file_without_a_hash_is_read_as_before(saved):
+    path, network = saved
+    card = {key: value for key, value in read_card(path).items() if key != "sha256"}
+    tensors = load_file(path)
+    name = next(iter(tensors))
+    tensors[name] += 1
+    save_file(tensors, path, {"pcsr": json.dumps(card)})
+    loaded = load_weights(path, load_plugins())[0]
+    assert torch.equal(loaded.state_dict()[name], network.state_dict()[name] + 1)
+
+
+def test_the_hash_is_of_names_types_shapes_and_bytes_in_the_order_of_the_names():
+    tensors = {"b": torch.tensor([1.0, 2.0]), "a": torch.tensor(3, dtype=torch.int64)}
+    by_hand = hashlib.sha256(
+        b'["a", "torch.int64", []]\n'
+        + (3).to_bytes(8, "little")
+        + b'["b", "torch.float32", [2]]\n'
+        + bytes.fromhex("0000803f00000040")
+    ).hexdigest()
+    assert tensors_hash(tensors) == tensors_hash(dict(reversed(tensors.items()))) == by_hand
+    others = [
+        {"b": tensors["b"]},
+        {"c": tensors["b"], "a": tensors["a"]},
+        {**tensors, "b": tensors["b"][None]},
+        {**tensors, "b": tensors["b"].view(torch.int32)},
+        {**tensors, "b": torch.tensor([1.0, -2.0])},
+    ]
+    assert len({by_hand, *map(tensors_hash, others)}) == 6
+    square = torch.arange(6.0).view(2, 3)
+    assert tensors_hash({"w": square.t()}) == tensors_hash({"w": square.t().contiguous()})
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_weights_that_are_not_finite_are_named(saved, value):
+    path, network = saved
+    with torch.no_grad():
+        network.upsampler.mlp[0].bias[3] = value
+    save_weights(path, network, {"recipe": recipe().resolved()})
+    assert "its weights 'upsampler.mlp.0.bias' are not all finite" in refusal(path)
+
+
+def brought(owner, version, kind="fusion", name=None, registry=None):
+    """A registry whose part is somebody else's."""
+    registry = registry or load_plugins()
+    key = kind, name or getattr(recipe().model, kind).use
+    registry.entries[key] = dataclasses.replace(registry.entries[key], owner=owner, version=version)
+    return registry
+
+
+def test_parts_of_others_are_noted_each_once_and_ours_are_not():
+    plain = recipe().resolved()
+    assert foreign_parts(plain, load_plugins()) == []
+    fusion, encoder = recipe().model.fusion.use, recipe().model.encoder.use
+    registry = brought("/home/me/mine.py", "file", "encoder", registry=brought("pcsr-attention", "0.2"))
+    assert foreign_parts(plain, registry) == [
+        {"kind": "encoder", "name": encoder, "owner": "mine.py", "version": "file"},
+        {"kind": "fusion", "name": fusion, "owner": "pcsr-attention", "version": "0.2"},
+    ]
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """Weights whose fusion came with another distribution."""
+    path, registry = tmp_path / "foreign.safetensors", brought("pcsr-attention", "0.2")
+    save_weights(path, build(recipe(), registry), {"recipe": recipe().resolved(), "version": __version__}, registry)
+    return path, registry, recipe().model.fusion.use
+
+
+def test_weights_with_parts_of_others_load_where_those_are(foreign):
+    path, registry, fusion = foreign
+    card = load_weights(path, registry)[2]
+    assert card["parts"] == [{"kind": "fusion", "name": fusion, "owner": "pcsr-attention", "version": "0.2"}]
+
+
+def test_a_missing_part_is_named_with_what_brings_it(foreign):
+    path, registry, fusion = foreign
+    del registry.entries["fusion", fusion]
+    assert refusal(path, registry) == (
+        f"the weights {path} need fusion '{fusion}' of pcsr-attention 0.2: pip install pcsr-attention==0.2"
+    )
+    brought("pcsr-attention", "0.3", name="none", registry=registry)
+    assert "0.2, and pcsr-attention 0.3 is installed: pip install pcsr-attention==0.2" in refusal(path, registry)
+    registry.failures.append(Failure("pcsr-attention", "0.2", ImportError("no")))
+    assert "which failed to load: see `pcsr plugins --why pcsr-attention`" in refusal(path, registry)
+
+
+def test_a_missing_plugin_file_is_asked_for(tmp_path):
+    path, registry = tmp_path / "w.safetensors", brought("/home/me/mine.py", "file")
+    save_weights(path, build(recipe(), registry), {"recipe": recipe().resolved()}, registry)
+    del registry.entries["fusion", recipe().model.fusion.use]
+    assert re.search(r"of the plugin file mine\.py: hand in that file with --plugin", refusal(path, registry))
+
+
+@pytest.mark.parametrize("parts", [None, 3, [3], [{"kind": "fusion"}], "evil"])
+def test_a_missing_part_of_which_nothing_can_be_believed_is_named_alone(saved, parts):
+    path, network = saved
+    fusion, registry = recipe().model.fusion.use, load_plugins()
+    if parts == "evil":
+        parts = [{"kind": "fusion", "name": fusion, "owner": "x; rm -r .", "version": "1\n2"}]
+    save_weights(path, network, {"recipe": recipe().resolved(), "parts": parts})
+    del registry.entries["fusion", fusion]
+    assert f"need fusion '{fusion}', which no plugin here brings" in refusal(path, registry)
+
+
+def test_where_weights_do_not_fit_both_versions_are_named(foreign):
+    path, registry, fusion = foreign
+    network, wider = build(recipe(), registry), recipe("model.upsampler.hidden=24").resolved()
+    save_weights(path, network, {"recipe": wider, "version": __version__}, registry)
+    assert "They come from another version of its parts" in refusal(path, registry), "the versions are the same"
+    newer = brought("pcsr-attention", "0.3")
+    assert refusal(path, newer).endswith(
+        f"They were made by fusion '{fusion}' of pcsr-attention 0.2, this is pcsr-attention 0.3: "
+        f"pip install pcsr-attention==0.2, or train again"
+    )
+    save_weights(path, network, {"recipe": wider, "version": "0.0.9"})
+    assert refusal(path, newer).endswith(
+        f"They were made by pcsr 0.0.9, this is {__version__}: pip install pcsr==0.0.9, or train again"
+    )
+    save_weights(path, network, {"recipe": wider, "version": "0.0.9"}, brought("/home/me/mine.py", "file"))
+    assert refusal(path, registry).endswith(
+        f"by fusion '{fusion}' of mine.py file and pcsr 0.0.9, this is pcsr-attention 0.2 and pcsr {__version__}: "
+        f"pip install pcsr==0.0.9, hand in mine.py with --plugin, or train again"
+    )
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        (("model", "upsampler", "colour"), "red", "takes no 'colour'"),
+        (("model", "encoder", "channels"), -1, "cannot be built here"),
+        (("model", "encoder", "channels"), 10**12, "cannot be built here"),
+        (("model",), 3, "cannot be built here"),
+        (("data",), None, "cannot be built here"),
+        (("model", "fusion"), [], "cannot be built here"),
+    ],
+)
+def test_a_recipe_that_cannot_be_built_is_refused_with_the_version_that_made_it(saved, keys, value, said):
+    path, network = saved
+    plain = recipe().resolved()
+    inner = plain
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    save_weights(path, network, {"recipe": plain, "version": "0.0.9"})
+    message = refusal(path)
+    assert said in message
+    assert f"made by pcsr 0.0.9, this is {__version__}" in message
 
 
 @pytest.mark.parametrize("kind", [torch.optim.Adam, torch.optim.AdamW])

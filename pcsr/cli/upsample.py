@@ -1,5 +1,6 @@
 """`pcsr upsample`: a person's own cloud, made dense."""
 
+import sys
 from pathlib import Path
 from typing import Literal
 
@@ -68,7 +69,7 @@ def upsample(
     kind = f".{suffix.lstrip('.')}"
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
     given = (
-        read_cloud_bytes(click.get_binary_stream("stdin").read(), kind, "what came through the pipe", bad=bad)
+        read_cloud_bytes(sys.stdin.buffer.read(), kind, "what came through the pipe", bad=bad)
         if cloud == PIPE
         else read_cloud(cloud, bad=bad)
     )
@@ -95,7 +96,7 @@ def upsample(
         )
         dense = given.with_new(new, keep=not replace)
     if out == PIPE:
-        click.get_binary_stream("stdout").write(cloud_bytes(dense, kind))
+        sys.stdout.buffer.write(cloud_bytes(dense, kind))
     else:
         write_cloud(out, dense)
     seconds = time.perf_counter() - start

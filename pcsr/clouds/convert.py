@@ -82,7 +82,7 @@ def _trimesh(cloud: Any) -> Converted:
         if keep:
             told = None if told is None else np.concatenate([colours, told])
             new = np.concatenate([points, new])
-        return trimesh.PointCloud(new, colors=told)
+        return trimesh.PointCloud(new, colors=told)  # type: ignore[no-untyped-call]
 
     return Converted(points, back)
 

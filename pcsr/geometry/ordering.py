@@ -23,7 +23,8 @@ def hilbert_order(points: Float[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
         low = points.amin(-2, keepdim=True)
         side = (points - low).amax((-1, -2), keepdim=True).clamp_min(torch.finfo(points.dtype).tiny)
         x, y, z = ((points - low) / side * 2**BITS).long().clamp(0, 2**BITS - 1).unbind(-1)
-        code = _hilbert_code([x, y, z])
+        # An exported graph with a node for each step on the bits would be mostly that.
+        code = (_code_by_table if torch.compiler.is_exporting() else _hilbert_code)([x, y, z])
         # Sort by the last key first: each sort is stable, so the code decides and coordinates break its ties.
         order = torch.argsort(points[..., 2], dim=-1, stable=True)
         for key in (points[..., 1], points[..., 0], code):
@@ -56,6 +57,47 @@ def _hilbert_code(axes: list[Tensor]) -> Tensor:
         for axis in x:
             code = (code << 1) | ((axis >> b) & 1)
     return code
+
+
+def _code_by_table(axes: list[Tensor]) -> Tensor:
+    """As `_hilbert_code` in a seventh of the operations: one look into a table for each bit."""
+    shifts = torch.arange(BITS - 1, -1, -1, device=axes[0].device)
+    x, y, z = (axis.unsqueeze(-1).bitwise_right_shift(shifts) & 1 for axis in axes)
+    octants = (4 * x + 2 * y + z).unbind(-1)
+    table = torch.tensor(_curve(), device=axes[0].device)
+    code, state = torch.zeros_like(axes[0]), torch.zeros_like(axes[0])
+    for octant in octants:
+        entry = table[state + octant]
+        code = 8 * code + (entry & 7)
+        state = entry - (entry & 7)
+    return code
+
+
+def _curve() -> list[int]:
+    """The curve as a machine that reads a cell's octants from the coarsest to the finest.
+
+    Entry 8·state + octant holds 8·(next state) + the digit of the code. A state is what `_hilbert_code` has done
+    so far to all finer bits: which axis each comes from, whether it is inverted, and whether the digit will be.
+    """
+    states = [((0, 1, 2), (0, 0, 0), 0)]
+    table = []
+    for axes, inverted, turn in states:  # grows as it is walked
+        for octant in range(8):
+            raw = (octant >> 2, octant >> 1 & 1, octant & 1)
+            bits = [raw[axis] ^ flip for axis, flip in zip(axes, inverted, strict=True)]
+            a, f = list(axes), list(inverted)
+            for i, bit in enumerate(bits):
+                if bit:
+                    f[0] ^= 1
+                else:
+                    a[0], a[i], f[0], f[i] = a[i], a[0], f[i], f[0]
+            gray = bits[0], bits[0] ^ bits[1], bits[0] ^ bits[1] ^ bits[2]
+            digit = sum((bit ^ turn) << (2 - i) for i, bit in enumerate(gray))
+            following = ((a[0], a[1], a[2]), (f[0], f[1], f[2]), turn ^ gray[2])
+            if following not in states:
+                states.append(following)
+            table.append(8 * states.index(following) + digit)
+    return table
 
 
 def along(order: Int[Tensor, "b n"], features: Float[Tensor, "b n c"]) -> Float[Tensor, "b n c"]:

@@ -1,0 +1,8 @@
+"""Touch on a network of somebody else's: what one of its layers gives is fused with the touches."""
+
+from pcsr.grafting.assembly import graft
+from pcsr.grafting.files import load_graft, save_graft
+from pcsr.grafting.grafted import Grafted
+from pcsr.grafting.joint import Joint
+
+__all__ = ["Grafted", "Joint", "graft", "load_graft", "save_graft"]

@@ -1,0 +1,81 @@
+"""Putting a graft together: a network, one of its layers, and what to hear touch with."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+from torch import Tensor, nn
+
+from pcsr.contracts import Encoder, Fusion
+from pcsr.errors import UserError, did_you_mean
+from pcsr.grafting.grafted import Grafted
+from pcsr.grafting.joint import Joint, Layout, PointsLayout
+from pcsr.grafting.parts import build_parts, try_parts
+from pcsr.grafting.probe import probe_joint, tensor_like
+from pcsr.plugins import load_plugins
+from pcsr.registry import Registry
+
+
+def graft(
+    network: nn.Module,
+    at: str,
+    *,
+    fusion: str | Mapping[str, Any] | Fusion = "iterative",
+    touch_encoder: str | Mapping[str, Any] | Encoder | None = "default",
+    probe: Sequence[int] | Tensor = (2, 256, 3),
+    layout: str | None = None,
+    points: int | str = 0,
+    points_layout: str | None = None,
+    arguments: Sequence[Any] = (),
+    keywords: Mapping[str, Any] | None = None,
+    registry: Registry | None = None,
+) -> Grafted:
+    """Let a network hear touch at the layer `at`, whose output is one feature for each of its input points.
+
+    The network is run once or twice, in `eval` mode and without gradients, to see what the layer gives.
+
+    Args:
+        network: any module that maps points to points.
+        at: dotted name of the layer, as in `network.named_modules()`.
+        fusion: by name, as `{"use": name, **options}`, or an instance made for the layer's channels.
+        touch_encoder: the same, or None: the coordinates themselves. By default a `unet` with a quarter of the
+            layer's channels, at least 8.
+        probe: points that the network is run on, or their shape, (b n 3) or (b 3 n).
+        layout: of the layer's output, "bnc", "bcn" or "bcn1". Else found out by a second run with twice as many points.
+        points: the argument that the points are: a position or a keyword.
+        points_layout: of the points, "bnc" or "bcn", where the probe does not show it.
+        arguments: the network's other positional arguments, for the probe.
+        keywords: its keyword arguments, for the probe.
+        registry: where parts are looked up; by default all that are installed.
+
+    Raises:
+        UserError: no such layer, one that does not give a feature for each point, a network that fails on the
+            probe, or parts that do not exist or fit; the message says which.
+    """
+    stated, of_points = _stated("layout", layout, Layout), _stated("points_layout", points_layout, PointsLayout)
+    joint = probe_joint(network, at, stated, points, of_points, probe, arguments, keywords or {})
+    return assemble(network, joint, fusion, touch_encoder, registry)
+
+
+def assemble(
+    network: nn.Module,
+    joint: Joint,
+    fusion: str | Mapping[str, Any] | Fusion,
+    touch_encoder: str | Mapping[str, Any] | Encoder | None,
+    registry: Registry | None,
+) -> Grafted:
+    """Build the tactile parts for the joint, beside the network's weights, and try them once."""
+    built, encoder, specs = build_parts(
+        joint.width, fusion, touch_encoder, load_plugins() if registry is None else registry
+    )
+    like = tensor_like(network)
+    grafted = Grafted(network, built, encoder, joint, specs)
+    for part in filter(None, (built, encoder)):
+        part.to(like.device, like.dtype).train(network.training)
+    try_parts(grafted, like)
+    return grafted
+
+
+def _stated(option: str, value: str | None, known: Any) -> Any:
+    if value is not None and value not in get_args(known):
+        raise UserError(f"{option}={value!r} is unknown: {did_you_mean(value, get_args(known))}")
+    return value

@@ -1,0 +1,93 @@
+"""Where touch enters a network: at which layer, and in which layouts points and features pass there."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from jaxtyping import Float
+from torch import Tensor
+
+from pcsr.errors import UserError
+
+Layout = Literal["bnc", "bcn", "bcn1"]
+PointsLayout = Literal["bnc", "bcn"]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where touch enters a network."""
+
+    at: str
+    """Dotted name of the layer."""
+    layout: Layout
+    """Of what the layer gives: (b n c), (b c n) or (b c n 1)."""
+    width: int
+    """Its channels."""
+    points: int | str = 0
+    """Which argument of the network the points are: a position, or a keyword."""
+    points_layout: PointsLayout = "bnc"
+    """(b n 3) or (b 3 n)."""
+    channels: int = 3
+    """Of the points: those behind the first three are no coordinates."""
+
+
+def visual_points(joint: Joint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:
+    """The visual points; a copy, as networks may centre theirs in place before the layer is reached."""
+    cloud = _argument(joint.points, args, kwargs)
+    axis = channel_axis(joint.points_layout)
+    if not isinstance(cloud, Tensor) or cloud.dim() != 3 or cloud.shape[axis] != joint.channels:
+        shape = tuple(cloud.shape) if isinstance(cloud, Tensor) else type(cloud).__name__
+        wanted = f"(b n {joint.channels})" if axis == 2 else f"(b {joint.channels} n)"
+        raise UserError(
+            f"the points, argument {joint.points!r} of the network, are {shape}, not {wanted} as in the "
+            f"probe: hand them over like that, or graft with another points= or points_layout="
+        )
+    return (cloud if axis == 2 else cloud.transpose(1, 2))[..., :3].clone()
+
+
+def _argument(which: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+    if isinstance(which, str) and which in kwargs:
+        return kwargs[which]
+    if isinstance(which, int) and 0 <= which < len(args):
+        return args[which]
+    raise UserError(
+        f"the points should be argument {which!r} of the network, which got {len(args)} by position and "
+        f"{', '.join(kwargs) or 'none'} by keyword: hand them over there, or graft with another points="
+    )
+
+
+def channel_axis(layout: PointsLayout) -> Literal[1, 2]:
+    """The axis of the channels in a batch of points."""
+    return 2 if layout == "bnc" else 1
+
+
+def to_bnc(output: Tensor, layout: Layout) -> Float[Tensor, "b n c"]:
+    """What the layer gives, channels last."""
+    if layout == "bnc":
+        return output
+    return (output.squeeze(-1) if layout == "bcn1" else output).transpose(1, 2)
+
+
+def from_bnc(features: Float[Tensor, "b n c"], layout: Layout) -> Tensor:
+    """Features as the layer itself would give them."""
+    # Contiguous, as the layer's own output is: the code behind it may take views.
+    if layout == "bnc":
+        return features.contiguous()
+    turned = features.transpose(1, 2).contiguous()
+    return turned.unsqueeze(-1) if layout == "bcn1" else turned
+
+
+def check_output(joint: Joint, output: Any, points: Tensor) -> None:
+    """Refuse what is not one feature for each point, in the joint's layout and width."""
+    rows, count = points.shape[:2]
+    expected = {
+        "bnc": (rows, count, joint.width),
+        "bcn": (rows, joint.width, count),
+        "bcn1": (rows, joint.width, count, 1),
+    }[joint.layout]
+    if not isinstance(output, Tensor) or output.shape != expected:
+        shape = tuple(output.shape) if isinstance(output, Tensor) else f"a {type(output).__name__}"
+        raise UserError(
+            f"layer '{joint.at}' gives {shape} for {rows} × {count} points, not one feature of {joint.width} channels "
+            f"for each as '{joint.layout}': graft at a layer ahead of any sampling, and state the layout it has"
+        )

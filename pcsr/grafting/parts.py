@@ -1,0 +1,100 @@
+"""The tactile parts of a graft: built from their names for the width of a layer, and tried once."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from pydantic import ValidationError
+from torch import Tensor
+
+from pcsr.contracts import Encoder, Fusion, Widths
+from pcsr.errors import UserError, did_you_mean
+from pcsr.grafting.grafted import Grafted
+from pcsr.grafting.probe import one_line, quiet
+from pcsr.model import fuse
+from pcsr.recipe.schema import PartSpec, options_model
+from pcsr.registry import Registry
+
+
+def build_parts(
+    width: int,
+    fusion: str | Mapping[str, Any] | Fusion,
+    touch_encoder: str | Mapping[str, Any] | Encoder | None,
+    registry: Registry,
+) -> tuple[Fusion, Encoder | None, dict[str, Any]]:
+    """Fusion and touch encoder for a layer of `width` channels, and what to write in a file to build them again."""
+    if touch_encoder == "default":
+        quarter = max(8, width // 4)
+        touch_encoder = {"use": "unet", "channels": quarter + quarter % 2}  # a unet halves its channels at the entrance
+    encoder, encoder_spec = None, None
+    if touch_encoder is not None:
+        encoder, encoder_spec = build_part("encoder", touch_encoder, Widths(), registry)
+    widths = Widths(visual=width, touch=encoder.channels if encoder else 3)
+    built, fusion_spec = build_part("fusion", fusion, widths, registry)
+    if not built.hears_features or type(built).join is not Fusion.join:
+        raise UserError(
+            f"fusion '{fusion_spec['use'] if isinstance(fusion_spec, dict) else type(built).__name__}' joins touched "
+            f"points to the cloud, and a graft cannot tell which outputs of the network to thin afterwards: take a "
+            f"fusion of features, or join them yourself: network(torch.cat([points, touches.flatten(1, 2)], 1))"
+        )
+    return built, encoder, {"fusion": fusion_spec, "touch_encoder": encoder_spec}
+
+
+def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tuple[Any, Any]:
+    """A part and what to write in a file to build it again: its name and all its options."""
+    contract = {"encoder": Encoder, "fusion": Fusion}[kind]
+    if isinstance(given, contract):
+        return given, "instance"
+    written = {"use": given} if isinstance(given, str) else dict(given) if isinstance(given, Mapping) else {}
+    name = written.pop("use", None)
+    if not isinstance(name, str):
+        raise UserError(
+            f"{kind} {one_line(given)}: give a name, {{'use': name, …options}} or a pcsr.{contract.__name__}"
+        )
+    try:
+        model = options_model(registry.get(kind, name))
+    except (TypeError, NameError) as error:
+        raise UserError(f"the options of {kind} '{name}' cannot be read off its constructor: {error}") from error
+    try:
+        checked = model.model_validate_json(json.dumps(written))
+    except TypeError as error:
+        raise UserError(f"{kind} '{name}': options are what JSON can write, but {error}") from error
+    except ValidationError as error:
+        mistakes = [_mistake(f"{kind} '{name}'", one, model.model_fields) for one in error.errors()]
+        raise UserError("; ".join(mistakes)) from error
+    options = {key: getattr(checked, key) for key in model.model_fields}
+    try:
+        built = PartSpec(use=name, options=options).build(registry, kind, widths)
+    except (RuntimeError, ValueError) as error:  # such as torch's, about a negative number of channels
+        raise UserError(f"{kind} '{name}' cannot be built with {options}: {one_line(error)}") from error
+    return built, {"use": name, **options}
+
+
+def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> str:
+    """One of pydantic's errors as a recipe would say it."""
+    key = ".".join(map(str, error["loc"]))
+    if error["type"] == "extra_forbidden":
+        return f"{owner} takes no '{key}': {did_you_mean(key, known)}"
+    if error["type"] == "missing":
+        return f"{owner}.{key} is missing: add it"
+    return f"{owner}.{key}: {error['msg'][0].lower()}{error['msg'][1:]}, got {error['input']!r}"
+
+
+def try_parts(grafted: Grafted, like: Tensor) -> None:
+    """Fuse something once, so that parts of other widths are found out here and not in training."""
+    random = torch.Generator().manual_seed(0)
+    cloud = torch.rand(1, 64, 3, generator=random).to(like)
+    features = torch.rand(1, 64, grafted.joint.width, generator=random).to(like)
+    mask = torch.ones(1, 1, dtype=torch.bool, device=like.device)
+    with quiet(grafted, like.device):
+        try:
+            fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, cloud[:, None], mask)
+            reason = f"it gives {tuple(fused.shape)} for {tuple(features.shape)}"
+        except Exception as error:  # an instance of other widths fails in whatever way its layers do
+            fused, reason = None, f"{type(error).__name__}: {one_line(error)}"
+    if fused is None or fused.shape != features.shape:
+        raise UserError(
+            f"the fusion {type(grafted.fusion).__name__} does not fit layer '{grafted.joint.at}' of "
+            f"{grafted.joint.width} channels and its touch encoder: {reason}. Make it for these widths or name it"
+        )

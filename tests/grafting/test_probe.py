@@ -1,0 +1,144 @@
+import copy
+import re
+
+import pytest
+import torch
+from torch import nn
+
+from pcsr.contracts import Widths
+from pcsr.errors import UserError
+from pcsr.grafting import graft
+from tests.grafting.networks import PLUGINS, Bias, Layers, Meeting, N, PUNetLike, Second, same
+
+
+def test_the_probe_finds_layout_and_width(case):
+    joint = case.graft().joint
+    assert (joint.at, joint.layout, joint.width) == (case.at, case.layout, case.width)
+
+
+def test_the_probe_leaves_the_network_and_the_random_state_alone(case):
+    network = case.make()
+    network.train()
+    *_, inner = network.children()
+    inner.eval()
+    weights, state = copy.deepcopy(network.state_dict()), torch.get_rng_state()
+    case.graft(network, fusion=Bias(Widths()), touch_encoder=None)
+    assert torch.equal(torch.get_rng_state(), state)
+    assert network.training
+    assert not inner.training
+    assert same(weights.values(), network.state_dict().values())
+    assert not any(module._forward_hooks for module in network.modules())
+
+
+class Particular(nn.Module):
+    """It draws at random even in `eval` mode, and takes no point twice."""
+
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(3, 8)
+
+    def forward(self, points):
+        if len(points[0].unique(dim=0)) < points.shape[1]:
+            raise ValueError("the same point twice")
+        return self.layer(points + torch.rand(1))
+
+
+def test_a_network_that_draws_at_random_is_probed_without_a_trace():
+    network = Particular()
+    state = torch.get_rng_state()
+    graft(network, "layer", fusion=Bias(Widths()), touch_encoder=None, registry=PLUGINS)
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        ("lift2", r"Layers has no layer 'lift2': did you mean 'lift'\?"),
+        ("encoder.lift", r"no layer 'encoder\.lift': did you mean 'lift' or 'inner\.lift'\?"),
+        ("", "no layer '': it has lift, again, never, sampled, pooled, square, flat, edges …"),
+        ("never", "layer 'never' is called 0 times"),
+        ("again", "layer 'again' is called 3 times"),
+        ("pair", "layer 'pair' gives a tuple, not a tensor"),
+        ("sampled", r"gives \(2, 128, 8\) for 256 points and \(2, 256, 8\) for 512: .*as behind a sampling"),
+        ("merged", r"gives \(1, 512, 8\) for 256 points and \(1, 1024, 8\) for 512: not as many points"),
+        ("pooled", r"gives \(2, 8\) for 256 points and \(2, 8\) for 512: not one feature for each point"),
+        ("flat", r"gives \(512, 8\) for 256 points and \(1024, 8\) for 512: not one feature for each point"),
+        ("edges", r"gives \(2, 8, 256, 4\) .*: not one feature for each point"),
+        ("square", r"gives \(2, 256, 256\) .*: its width cannot be told"),
+        ("growing", r"gives \(2, 256, 2048\) .*: its width cannot be told"),
+    ],
+)
+def test_a_layer_that_does_not_give_a_feature_for_each_point_is_refused(at, message):
+    with pytest.raises(UserError, match=message) as caught:
+        graft(Layers(), at, probe=(1, 256, 3), registry=PLUGINS)
+    assert "\n" not in str(caught.value)
+
+
+class Pair(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.one = nn.Linear(8, 8)
+
+    def forward(self, x):
+        return self.one(x), x
+
+
+class First(nn.Module):
+    def forward(self, pair):
+        return pair[0]
+
+
+def test_of_a_layer_that_gives_no_tensor_the_ones_inside_are_offered():
+    network = nn.Sequential(nn.Linear(3, 8), Pair(), First(), nn.Linear(8, 3))
+    with pytest.raises(UserError, match=r"layer '1' gives a tuple, not a tensor: graft at a layer .* '1\.one'"):
+        graft(network, "1", registry=PLUGINS)
+    assert graft(network, "1.one", registry=PLUGINS).joint.width == 8
+
+
+def test_a_stated_layout_needs_one_number_of_points_only(world):
+    points, touches = world
+
+    class Fixed(Meeting):
+        def forward(self, points):
+            return super().forward(points.view(-1, N, 3))
+
+    with pytest.raises(
+        UserError, match=rf"Fixed cannot be run on points of \(2, {N + 1}, 3\): RuntimeError: .*layout="
+    ):
+        graft(Fixed(None), "layer", probe=(2, N + 1, 3), registry=PLUGINS)
+    grafted = graft(Fixed(None), "layer", probe=(1, N, 3), layout="bnc", registry=PLUGINS)
+    assert not torch.equal(grafted(points, touches=touches), grafted(points))
+    with pytest.raises(UserError, match=r"layer 'layer' gives \(1, 24, 8\) for 1 × 24 points, not .* as 'bcn'"):
+        graft(Fixed(None), "layer", probe=(1, N, 3), layout="bcn", registry=PLUGINS)
+
+
+def test_a_network_that_fails_on_the_probe_is_quoted_in_one_line():
+    with pytest.raises(
+        UserError, match=r"Layers cannot be run on points of \(2, 256, 3\): ValueError: a slip of theirs\."
+    ):
+        graft(Layers(), "lift", keywords={"fail": True}, registry=PLUGINS)
+    with pytest.raises(UserError, match=r"missing 1 required positional argument: 'rate'.*arguments="):
+        graft(PUNetLike(), "mlp2", probe=(1, 3, 32), registry=PLUGINS)
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 3), (2, 6, 32), (2, 32, 6)])
+def test_an_axis_of_coordinates_that_does_not_show_must_be_stated(shape):
+    with pytest.raises(UserError, match=rf"probe {re.escape(str(shape))} does not show .*points_layout='bnc' or 'bcn'"):
+        graft(nn.Sequential(nn.Linear(6, 8)), "0", probe=shape, registry=PLUGINS)
+
+
+@pytest.mark.parametrize("points", [-1, 2])
+def test_a_position_that_the_arguments_leave_no_room_for_is_refused(points):
+    with pytest.raises(UserError, match=rf"points={points} is no position beside 1 others"):
+        graft(Second(), "layer", points=points, arguments=(2.0,), registry=PLUGINS)
+
+
+def test_a_stated_axis_must_hold_coordinates():
+    with pytest.raises(UserError, match=r"the probe is \(2, 256, 2\), which is no 'bnc' of at least 3 channels"):
+        graft(nn.Sequential(nn.Linear(2, 8)), "0", probe=(2, 256, 2), points_layout="bnc", registry=PLUGINS)
+
+
+@pytest.mark.parametrize("probe", [(2, 256), (2, 0, 3), torch.zeros(4)])
+def test_a_probe_that_is_no_cloud_is_refused(probe):
+    with pytest.raises(UserError, match=r"the probe is \(.*\): points are \(b n 3\) or \(b 3 n\)"):
+        graft(Meeting(None), "layer", probe=probe, registry=PLUGINS)
