@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from pcsr.contracts import Shapes
 from pcsr.data.dataset import Split
-from pcsr.data.workers import start_worker
 from pcsr.geometry.interpolation import midpoint
 from pcsr.metrics import METRICS
 from pcsr.model import Network
@@ -135,7 +134,7 @@ def _measured(tasks: Sequence[_Task], jobs: int, advance: Callable[[], None]) ->
             yield result
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, start_worker) as pool:
+    with ProcessPoolExecutor(jobs, context, torch.set_num_threads, (1,)) as pool:
         for result in pool.map(_measure, tasks, chunksize=2):
             advance()
             yield result

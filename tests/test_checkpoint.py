@@ -1,6 +1,7 @@
 """Weights and the state of training, to a file and back."""
 
 import dataclasses
+import functools
 import hashlib
 import json
 import re
@@ -127,10 +128,13 @@ def test_a_missing_file_is_refused(tmp_path):
         load_weights(tmp_path / "none.safetensors", load_plugins())
 
 
+plugins = functools.cache(load_plugins)
+
+
 def refusal(path, registry=None):
     """What a person reads: one line that names the file."""
     with pytest.raises(UserError) as caught:
-        load_weights(path, registry or load_plugins())
+        load_weights(path, registry or plugins())
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
     return str(caught.value)
@@ -185,7 +189,7 @@ def test_a_header_with_a_changed_byte_loads_or_is_refused_in_one_line(saved, dat
     changed = path.with_name("changed.safetensors")
     changed.write_bytes(content)
     try:
-        load_weights(changed, load_plugins())
+        load_weights(changed, plugins())
     except UserError as error:
         assert "\n" not in str(error)  # noqa: PT017
 

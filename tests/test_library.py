@@ -90,7 +90,9 @@ def test_the_default_weights_listen_to_touches_of_every_form(tapsr, tmp_path):
 @pytest.mark.parametrize(("factor", "shift"), [(1000.0, 0.0), (1.0, 50.0)])
 def test_touches_in_another_unit_or_frame_are_refused_with_both_sizes(interpolation, factor, shift):
     felt = [0.1 * cloud(), 0.1 * cloud() * factor + shift]
-    with pytest.raises(UserError, match=r"touch 1 is .* across and lies .* away from the cloud, which is 2\.\d+ across"):
+    with pytest.raises(
+        UserError, match=r"touch 1 is .* across and lies .* away from the cloud, which is 2\.\d+ across"
+    ):
         interpolation.upsample(cloud(), felt, rate=2)
 
 
@@ -162,7 +164,7 @@ def test_a_folder_without_weights_is_named(tmp_path):
 
 
 def test_a_device_that_is_not_there_is_named():
-    with pytest.raises(UserError, match="device 'cuda:7' cannot be used|device 'nonsense'"):
+    with pytest.raises(UserError, match="device 'nonsense' cannot be used"):
         load("tapsr", device="nonsense")
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("mesh", type=FILE)
 @click.option("-o", "--out", "folder", required=True, type=FILE, metavar="DIR", help="Where to put the recording.")
-@click.option("--count", type=click.IntRange(1), default=5, show_default=True, help="Touches.")
+@click.option("--count", type=click.IntRange(1, 10_000), default=5, show_default=True, help="Touches.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Another seed, other touches.")
 @click.option("--sensor", default=None, metavar="NAME", help="A preset, such as digit or gelsight-mini.")
 @click.option("--policy", default=None, metavar="NAME", help="Where to touch: uniform, spread, sparse or grasp.")
@@ -67,7 +67,9 @@ def touch(
     if any(override.partition("=")[0].strip() == "use" for override in overrides):
         raise UserError("--set use=…: name the source with --source")
     if not mesh.is_file():
-        raise UserError(f"mesh {mesh}: there is no such file")
+        raise UserError(f"mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
+    if mesh.resolve().parent == folder.resolve():
+        raise UserError(f"-o {folder}: the mesh itself is in there: take a folder for the recording alone")
     given = [f"use={source}"]
     for key, value in (("sensor", sensor), ("policy", policy), ("object_size", object_size)):
         given += [] if value is None else [f"{key}={value}"]

@@ -98,6 +98,10 @@ def _manifest(plan: Plan, folder: Path) -> dict[str, Any]:
                 f"its objects or settings differ; choose another folder, or delete this one"
             )
         return manifest
+    for path in sorted(folder.glob("*-[0-9][0-9][0-9][0-9][0-9].safetensors")):
+        # A shard of this data, whose manifest was lost, is of use; anything else is somebody's.
+        if read_card(path)["fingerprint"] != plan.fingerprint:
+            raise UserError(f"{path} belongs to other data: choose another folder, or delete this one")
     recipe = plan.recipe
     data = recipe.resolved()["data"] | {"touches": recipe.most_touches, "seed": recipe.data_seed}
     manifest = {

@@ -16,8 +16,8 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.sampling import CANDIDATES, farthest_points, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
 
-FAR = 2.0
-"""No point of an object lies so many radii from its middle."""
+FAR = 0.25
+"""A touch that lies so many radii off the surface is none of this object."""
 NEAR = 2.0
 """A truth point is felt if a touched point lies within this many of their usual distances."""
 
@@ -64,12 +64,14 @@ def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed:
             f"where {touches} touches of one size were asked for"
         )
     sphere = UnitSphere.fit(truth)
+    surface = KDTree(truth)
     for number, touch in enumerate(felt):
-        away = float(np.linalg.norm(touch.points - sphere.centre, axis=1).min()) / sphere.radius
-        if not (np.isfinite(touch.points).all() and away < FAR):
+        finite = bool(np.isfinite(touch.points).all())
+        away = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
+        if away > FAR:
             raise UserError(
-                f"{item.name}: touch {number} lies {away:.3g} radii from the object's middle, or is not finite: its "
-                f"source gives it in another unit or frame"
+                f"{item.name}: touch {number} lies {away:.3g} radii off the surface, or is not finite: its source "
+                f"gives it in another unit or frame"
             )
     clouds = [sphere.apply(touch.points) for touch in felt]
     return Sample(

@@ -5,6 +5,7 @@ import json
 import multiprocessing
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -53,7 +54,8 @@ class Crew:
         waiting: deque[Future[Made]] = deque()
         try:
             for one in given:
-                waiting.append(self.executor.submit(make, one))
+                with _deaf_children():
+                    waiting.append(self.executor.submit(make, one))
                 if len(waiting) > AHEAD * self.size:
                     yield waiting.popleft().result()
             while waiting:
@@ -63,6 +65,19 @@ class Crew:
         finally:
             for future in waiting:
                 future.cancel()
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes that are started in here ignore Ctrl-C from their first moment: who gives the orders ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
@@ -86,14 +101,8 @@ def crew(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Crew
         yield Crew(None, 1)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, start_worker) as executor:
+    with ProcessPoolExecutor(jobs, context, torch.set_num_threads, (1,)) as executor:
         yield Crew(executor, jobs)
-
-
-def start_worker() -> None:
-    """Set up a process that works: one thread, and Ctrl-C is the business of the one that gives the orders."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    torch.set_num_threads(1)
 
 
 @contextmanager

@@ -111,6 +111,8 @@ def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str
             yield name, _touch(folder, recorded, check_entry(value, place), place)
         except UserError as error:
             yield name, "; ".join(str(error).splitlines())
+        except (ArithmeticError, MemoryError) as error:  # a figure that is far too large or small
+            yield name, f"{place}: it cannot be computed with: {error or type(error).__name__}"
 
 
 def _name(value: Any) -> str | None:
@@ -192,7 +194,8 @@ def _seen(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
     depth = read_image(inside(folder, entry.depth)) * entry.unit
     background = _optional(folder, entry.background, depth, "background")
     rest = entry.face if background is None else background * entry.unit
-    return depth_contact(depth, entry.intrinsics, entry.face, rest - depth > entry.contact_above)
+    contact = np.isfinite(rest) & (rest - depth > entry.contact_above)
+    return depth_contact(depth, entry.intrinsics, entry.face, contact)
 
 
 def _optional(folder: Path, name: str | None, image: np.ndarray, what: str) -> np.ndarray | None:

@@ -29,7 +29,7 @@ def bowl(count=80, seed=0):
 @pytest.fixture
 def scan(tmp_path):
     """A coloured cloud at UTM coordinates, with normals, an intensity and a label."""
-    points = bowl() + [500_000.0, 5_400_000.0, 300.0]
+    points = bowl() + np.array([500_000.0, 5_400_000.0, 300.0])
     left = points[:, 0] < 500_000
     columns = {
         "red": np.where(left, 250, 10).astype(np.uint8),
@@ -185,7 +185,9 @@ def test_evaluate_prints_every_metric_with_its_convention(tmp_path):
     assert told.exit_code == 0, told.output
     assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
     assert "the truth fills the unit sphere" in " ".join(told.output.split())
-    plain = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none")
+    plain = run(
+        "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
+    )
     assert json.loads(plain.output)["cd"] == pytest.approx(2 * 0.01**2, rel=1e-3)
     wrong = run("evaluate", tmp_path / "made.ply", tmp_path / "none.ply")
     assert wrong.exit_code == 2

@@ -67,7 +67,6 @@ def test_a_damaged_shard_is_made_again_before_the_split_is_done(recipe, registry
     whole = files(tmp_path)
     path = shard_path(tmp_path, "train", 1)
     path.write_bytes(whole[path.name][:100] if damage == "torn" else b"something else")
-    (tmp_path / MANIFEST).unlink()
     build_split(plan, "train", tmp_path, ALONE)
     assert files(tmp_path) == whole
 
@@ -139,6 +138,24 @@ def test_a_folder_of_other_data_is_left_alone(recipe, registry, tmp_path):
     with pytest.raises(UserError, match=r"holds other data .* choose another folder, or delete this one"):
         build_split(Plan.of(recipe("count=5"), registry), "train", tmp_path, ALONE)
     assert files(tmp_path) == before
+
+
+def test_shards_without_a_manifest_are_used_if_they_are_of_this_data_and_left_alone_otherwise(
+    recipe, registry, tmp_path
+):
+    mine, other = Plan.of(recipe("count=4"), registry), Plan.of(recipe("count=5"), registry)
+    build_split(mine, "train", tmp_path, ALONE)
+    before = files(tmp_path)
+    (tmp_path / MANIFEST).unlink()
+    with pytest.raises(UserError, match=r"train-00000\.safetensors belongs to other data"):
+        build_split(other, "train", tmp_path, ALONE)
+    build_split(mine, "train", tmp_path, ALONE)
+    assert files(tmp_path) == before
+    (tmp_path / MANIFEST).unlink()
+    (tmp_path / "train-00000.safetensors").write_bytes(b"somebody's")
+    with pytest.raises(UserError, match="is not a shard of pcsr data"):
+        build_split(mine, "train", tmp_path, ALONE)
+    assert (tmp_path / "train-00000.safetensors").read_bytes() == b"somebody's"
 
 
 def test_splits_are_built_one_by_one_into_one_manifest(recipe, registry, tmp_path):

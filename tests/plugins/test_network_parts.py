@@ -18,7 +18,7 @@ from pcsr_plugins.fusions.iterative import Iterative
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.fusions.pairing import pair
 from pcsr_plugins.objectives.chamfer import Chamfer
-from pcsr_plugins.upsamplers.shuffle import Shuffle
+from pcsr_plugins.upsamplers.shuffle import Shuffle, fan
 
 WIDTHS = Widths(visual=8, touch=4, refined=12, rate=3)
 
@@ -239,6 +239,40 @@ def test_shuffle_can_start_at_the_input_points():
     points, features = torch.randn(1, 5, 3), torch.randn(1, 5, 12)
     way = (point(points, features, 3) - origin(points, features, 3)).view(1, 5, 3, 3)
     close(way, points.unsqueeze(2).expand(-1, -1, 3, -1))
+
+
+def test_shuffle_can_start_on_the_ways_to_the_neighbours():
+    widths, points, features = Widths(refined=32, rate=16), torch.randn(2, 30, 3), torch.randn(2, 30, 32)
+    shuffle = Shuffle(widths, start="neighbours")
+    places, spacing = fan(points, 16)
+    close(shuffle(points, features, 16), places, 1e-6)  # untrained it is the fan itself
+    with torch.no_grad():
+        shuffle.mlp[2].bias.fill_(0.5)
+    moved = (shuffle(points, features, 16) - places).view(2, 30, 16, 3)
+    close(moved, 0.5 * spacing.unsqueeze(-1).expand(2, 30, 16, 3), 1e-5)
+
+
+@pytest.mark.parametrize("rate", [1, 4, 8, 12, 16])
+def test_a_fan_reaches_out_to_the_nearest_neighbours(rate):
+    points = torch.randn(1, 40, 3).double()
+    places, spacing = fan(points, rate)
+    places = places.view(40, rate, 3)
+    spokes, rings = min(8, rate), -(-rate // min(8, rate))
+    for i in range(40):
+        distance = (points[0] - points[0, i]).norm(dim=-1)
+        nearest = distance.argsort()[1 : spokes + 1]
+        close(spacing[0, i, 0], distance[nearest].mean(), 1e-9)
+        for j in range(rate):
+            share = 0.4 * (1 - (j // spokes) / rings)
+            close(places[i, j], points[0, i] + share * (points[0, nearest[j % spokes]] - points[0, i]), 1e-9)
+    assert len(places.flatten(0, 1).unique(dim=0)) == 40 * rate
+
+
+def test_the_fan_of_a_larger_cloud_is_larger():
+    points, features = torch.randn(1, 30, 3), torch.randn(1, 30, 32)
+    shuffle = Shuffle(Widths(refined=32, rate=16), start="neighbours")
+    torch.nn.init.normal_(shuffle.mlp[2].weight)
+    close(shuffle(5 * points, features, 16), 5 * shuffle(points, features, 16), 1e-4)
 
 
 def test_shuffle_refuses_another_rate():

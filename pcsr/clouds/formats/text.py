@@ -14,6 +14,8 @@ from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
 
 COMMENT = re.compile(r"^[ \t]*(?:#|//).*$", re.MULTILINE)
+DECIMAL_COMMAS = re.compile(r"\A\s*[+-]?\d+,\d+(?:[ \t;]+[+-]?\d+,\d+)+[ \t]*$", re.MULTILINE)
+"""A first line of numbers with commas inside that are parted by spaces: nobody means these commas to part columns."""
 INTEGER = re.compile(r"[+-]?\d{1,19}")
 """What may be an integer of 64 bits."""
 
@@ -40,6 +42,8 @@ def csv_points(data: bytes) -> np.ndarray:
 
 def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
     text = data.decode("utf-8-sig")
+    if not comma and DECIMAL_COMMAS.search(COMMENT.sub("", text)):
+        raise UserError("it has decimal commas, 1,5 for 1.5: write points, as commas part columns here")
     rows = _split(text, comma)
     _, first = next(rows, (0, []))
     names = _names(first)

@@ -5,7 +5,6 @@ Hilbert curves, and the i-th step of one meets the i-th step of the other; a tou
 skipped along to n. So the pairing depends on the two sets alone, not on the order in a file.
 """
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 

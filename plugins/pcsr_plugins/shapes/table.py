@@ -33,7 +33,7 @@ def read_table(path: Path, folder: Path) -> dict[str, Row]:
 
     Raises:
         UserError: the table can't be read, lacks a column, names an unknown split, a path outside the folder, or a
-            file twice.
+            file twice, or puts one group into two splits.
     """
     rows: dict[str, Row] = {}
     try:
@@ -57,6 +57,13 @@ def read_table(path: Path, folder: Path) -> dict[str, Row]:
         raise UserError(f"the table {path} cannot be read: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"the table {path} is not CSV in UTF-8: {error}") from error
+    splits: dict[str, str] = {}
+    for name, row in rows.items():
+        if row.split and splits.setdefault(row.group, row.split) != row.split:
+            raise UserError(
+                f"{path}: the group '{row.group}' is in {splits[row.group]} and, with '{name}', in {row.split}: "
+                f"what is alike must not straddle two splits"
+            )
     if not rows:
         raise UserError(f"the table {path} has no rows")
     return rows

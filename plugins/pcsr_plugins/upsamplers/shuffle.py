@@ -2,13 +2,14 @@
 
 (b n c) becomes (b r·n c/r), and "another MLP is applied to estimate the 3D coordinates". Both papers say
 coordinates; `start: point` predicts the way from the input point instead, and `start: neighbours` the way from
-places that lead to its neighbours (PAPER.md, "Coordinates").
+places that lead to its neighbours, in units of the distance to them (PAPER.md, "Coordinates").
 """
 
 from typing import Literal
 
 import torch
-from torch import nn
+from jaxtyping import Float
+from torch import Tensor, nn
 
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn
@@ -17,7 +18,7 @@ from pcsr.tensors import Dense, Features, Points
 SPOKES = 8
 """Neighbours that new points start towards."""
 FARTHEST = 0.4
-"""The share of the way to them at which the outermost start; beyond a half they would be the neighbour's."""
+"""The share of the way to them at which the outermost start."""
 
 
 class Shuffle(Upsampler):
@@ -50,17 +51,23 @@ class Shuffle(Upsampler):
         dense: Dense = self.mlp(features.reshape(b, n * rate, c // rate))
         if self.start == "origin":
             return dense
-        return dense + (fan(points, rate) if self.start == "neighbours" else points.repeat_interleave(rate, dim=1))
+        if self.start == "point":
+            return dense + points.repeat_interleave(rate, dim=1)
+        places, spacing = fan(points, rate)
+        return places + spacing.repeat_interleave(rate, dim=1) * dense
 
 
-def fan(points: Points, rate: int) -> Dense:
+def fan(points: Points, rate: int) -> tuple[Dense, Float[Tensor, "b n 1"]]:
     """For each point `rate` places on the ways to its nearest neighbours, in rings: 0.4 and 0.2 of the way for 16.
 
-    Each place is nearest to its own point, so that no two fans hold the same place.
+    None goes half the way, so that two neighbours on their ways to each other don't meet.
+
+    Returns:
+        The places, and for each point the mean length of those ways: what "far" means there.
     """
     spokes = min(SPOKES, rate, points.shape[1] - 1)
     rings = -(-rate // spokes)
     shares = FARTHEST * (1 - torch.arange(rings, device=points.device) / rings)
     ways = gather(points, knn(points, points, spokes + 1)[..., 1:]) - points.unsqueeze(2)  # (b n spokes 3)
     places = points[:, :, None, None] + shares[:, None, None].to(points.dtype) * ways.unsqueeze(2)
-    return places.flatten(2, 3)[:, :, :rate].flatten(1, 2)
+    return places.flatten(2, 3)[:, :, :rate].flatten(1, 2), ways.norm(dim=-1).mean(-1, keepdim=True)

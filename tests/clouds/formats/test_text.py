@@ -167,3 +167,14 @@ def test_what_was_read_is_written_with_a_line_of_names_if_there_was_one(suffix):
     for head in ("x y z\n", ""):
         text = (head + "1.0 2.0 3.0\n").replace(" ", "," if suffix == ".csv" else " ")
         assert cloud_bytes(read(text, suffix), suffix).decode() == text
+
+
+@pytest.mark.parametrize("text", ["1,5 2,5 3,5\n4,5 5,5 6,5\n", "# x\n1,5;2,5;3,5\n", "-1,50\t2,5\t3,25 \n"])
+def test_decimal_commas_are_refused_and_not_taken_for_columns(text):
+    with pytest.raises(UserError, match="decimal commas"):
+        read_xyz(text.encode())
+
+
+@pytest.mark.parametrize("text", ["1, 2, 3\n", "1,2,3\n", "1 2 3\n", "1.5, 2.5 3\n"])
+def test_commas_between_columns_are_no_decimal_commas(text):
+    assert read_xyz(text.encode()).points.shape == (1, 3)

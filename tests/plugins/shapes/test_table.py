@@ -74,6 +74,7 @@ def test_a_row_without_its_file_is_counted_among_those_that_fail(parts):
         ("file,split\n", "has no rows"),
         ("file,split\na.stl,train\na.stl,test\n", r"table\.csv:3: 'a\.stl' is there already"),
         ("file,split\na.stl,tset\n", r"table\.csv:2: there is no split 'tset'"),
+        ("file,split,group\na.stl,train,x\nb.stl,test,x\n", "group 'x' is in train and, with 'b.stl', in test"),
         ("file,split\n../a.stl,train\n", r"'\.\./a\.stl' is not a path below"),
         ("file,split\n/a.stl,train\n", "is not a path below"),
         ("file,split\n,train\n", "'' is not a path below"),

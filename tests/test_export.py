@@ -1,0 +1,261 @@
+"""Networks as ONNX graphs: onnxruntime gives what torch gives, and what cannot be exported is said."""
+
+import itertools
+import json
+import sys
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+from click.testing import CliRunner
+from scipy.spatial import cKDTree
+
+import pcsr.cli
+from pcsr.cli.export import export
+from pcsr.errors import UserError
+from pcsr.export import _graph, export_onnx
+from pcsr.geometry import ordering
+from pcsr.geometry.neighbours import neighbour_max
+from pcsr.library import Model, load
+from pcsr.model import build
+from pcsr.plugins import load_plugins
+from pcsr.recipe import for_data, from_resolved
+
+N, M = 64, 40
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load()
+
+
+@pytest.fixture(scope="module", params=[0, 2], ids=lambda touches: f"{touches} touches")
+def exported(request, shipped, tmp_path_factory):
+    path = tmp_path_factory.mktemp("onnx") / "folder" / "model.onnx"
+    shapes = export_onnx(shipped, path, points=N, touches=request.param, touch_points=M)
+    return path, request.param, shapes
+
+
+@pytest.fixture
+def tiny():
+    """A small network with random weights."""
+    plain = for_data("cad-parts", {}, load_plugins()).resolved()
+    plain["data"] |= {"rate": 4, "points": 32}
+    plain["model"]["encoder"]["channels"] = plain["model"]["touch_encoder"]["channels"] = 8
+    plain["model"]["backbone"] |= {"channels": [8], "neighbours": 6}
+    recipe = from_resolved(plain, load_plugins())
+    return Model("tiny", build(recipe, load_plugins()).eval(), recipe, {"metrics": {"cd": 0.5}}, None, ())
+
+
+def run(source, *inputs):
+    """What onnxruntime makes of a graph, in a file or in memory."""
+    session = onnxruntime.InferenceSession(source, providers=["CPUExecutionProvider"])
+    names = [given.name for given in session.get_inputs()]
+    assert len(names) == len(inputs)
+    return session.run(None, {name: tensor.numpy() for name, tensor in zip(names, inputs, strict=True)})[0]
+
+
+def clouds(batch, touches, seed=0):
+    draw = torch.Generator().manual_seed(seed)
+    directions = torch.nn.functional.normalize(torch.randn(batch, N, 3, generator=draw), dim=-1)
+    points = directions * torch.tensor([1.0, 0.8, 0.5])
+    felt = points[:, :touches, None] + 0.05 * torch.randn(batch, touches, M, 3, generator=draw)
+    return (points, felt) if touches else (points,)
+
+
+@pytest.mark.parametrize("batch", [1, 3])
+def test_onnxruntime_gives_what_torch_gives(exported, shipped, batch):
+    path, touches, _ = exported
+    inputs = clouds(batch, touches)
+    with torch.inference_mode():
+        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *inputs[1:])
+    dense = run(path, *inputs)
+    assert dense.shape == (batch, shipped.recipe.data.rate * N, 3)
+    np.testing.assert_allclose(dense, expected, atol=1e-4)
+
+
+def test_points_that_coincide_give_the_same_set(exported, shipped):
+    path, touches, _ = exported
+    inputs = [tensor.clone() for tensor in clouds(1, touches)]
+    inputs[0][:, 1::2] = inputs[0][:, ::2]  # which of two equal points is the nearer, nobody can say
+    with torch.inference_mode():
+        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *inputs[1:])[0]
+    dense = run(path, *inputs)[0]
+    assert cKDTree(expected).query(dense)[0].max() < 1e-4
+    assert cKDTree(dense).query(expected)[0].max() < 1e-4
+
+
+def test_the_file_says_what_it_is_and_nothing_of_the_machine(exported, shipped):
+    path, touches, shapes = exported
+    model = onnx.load(path)
+    onnx.checker.check_model(model, full_check=True)
+    about = {entry.key: entry.value for entry in model.metadata_props}
+    assert from_resolved(json.loads(about["pcsr.recipe"]), load_plugins()) == shipped.recipe
+    assert json.loads(about["pcsr.card"]) == shipped.card
+    assert about["pcsr.version"] == pcsr.__version__
+    written = {
+        value.name: tuple(d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim)
+        for value in (*model.graph.input, *model.graph.output)
+    }
+    assert {name: ("b", *shape[1:]) for name, shape in written.items()} == shapes
+    assert all(shape[0] == "batch" for shape in written.values())
+    assert shapes["points"] == ("b", N, 3)
+    assert shapes.get("touches") == (("b", touches, M, 3) if touches else None)
+    content = path.read_bytes()
+    assert not [word for word in (b"site-packages", b"pcsr_plugins", b".py") if word in content]
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_the_model_stays_as_it_is_and_a_batch_can_be_fixed(tiny, tmp_path):
+    tiny.network.train()
+    before = {name: tensor.clone() for name, tensor in tiny.network.state_dict().items()}
+    shapes = export_onnx(tiny, tmp_path / "tiny.onnx", batch=2)
+    assert shapes == {"points": (2, 32, 3), "dense": (2, 128, 3)}
+    assert tiny.network.training
+    assert all(weight.requires_grad for weight in tiny.network.parameters())
+    assert all(torch.equal(before[name], tensor) for name, tensor in tiny.network.state_dict().items())
+    points = clouds(2, 0)[0][:, :32]
+    with torch.no_grad():
+        expected = tiny.network.eval()(points, 4)
+    np.testing.assert_allclose(run(tmp_path / "tiny.onnx", points), expected, atol=1e-4)
+
+
+class Sorted(torch.nn.Module):
+    """Every operator that is translated here."""
+
+    def forward(self, points, touches):
+        rising = torch.argsort(points[..., 0], dim=-1, stable=True)
+        falling = torch.argsort(points[..., 1], dim=1, stable=True, descending=True)
+        return (
+            torch.cat([rising, falling], 1).float()[..., None]
+            + torch.cdist(touches, points).mean((1, 2))[:, None, None]
+        )
+
+
+def test_translated_operators_give_what_torch_gives():
+    points, touches = torch.randint(0, 4, (3, 30, 3)).float(), torch.rand(3, 10, 3)  # full of ties
+    graph = _graph("sorted", Sorted(), (points[:2], touches[:2]), fixed=False)
+    dense = run(graph.SerializeToString(), points, touches)
+    np.testing.assert_allclose(dense, Sorted()(points, touches), atol=1e-4)
+
+
+def test_the_exported_curve_is_the_usual_one():
+    coarse = torch.tensor(list(itertools.product(range(16), repeat=3))).T
+    fine = torch.randint(0, 2**ordering.BITS, (3, 50_000), generator=torch.Generator().manual_seed(0))
+    for cells in (coarse, coarse << (ordering.BITS - 4), fine):
+        assert torch.equal(ordering._code_by_table(list(cells)), ordering._hilbert_code(list(cells)))
+
+
+def test_exporting_branches_give_what_the_usual_ones_give(monkeypatch):
+    points = torch.rand(2, 50, 3)
+    near = torch.randint(0, 50, (2, 7, 5))
+    order, greatest = ordering.hilbert_order(points), neighbour_max(points, near)
+    monkeypatch.setattr(torch.compiler, "is_exporting", lambda: True)
+    monkeypatch.delattr(ordering, "_hilbert_code")
+    assert torch.equal(ordering.hilbert_order(points), order)
+    assert torch.equal(neighbour_max(points, near), greatest)
+
+
+class Undecided(torch.nn.Module):
+    """Looks at the numbers to choose the way, as no graph can."""
+
+    def forward(self, points, features, rate):
+        if points.sum() > 0:
+            return points.repeat(1, rate, 1)
+        return -points.repeat(1, rate, 1)
+
+
+class OfTwo(torch.nn.Module):
+    """Knows batches of two alone."""
+
+    def forward(self, points, features, rate):
+        if points.shape[0] != 2:
+            raise ValueError("two are wanted")
+        return points.repeat(1, rate, 1)
+
+
+def test_what_cannot_be_exported_is_said_and_the_old_file_stays(tiny, tmp_path):
+    path = tmp_path / "old.onnx"
+    path.write_bytes(b"old")
+    tiny.network.upsampler = Undecided()
+    with pytest.raises(UserError, match="the network of 'tiny' cannot be written as ONNX: ") as caught:
+        export_onnx(tiny, path)
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
+    tiny.network.upsampler = OfTwo()
+    with pytest.raises(UserError, match=r"takes no batches of any size: fix it \(batch=1, or --batch 1\)"):
+        export_onnx(tiny, tmp_path / "two.onnx")
+    export_onnx(tiny, tmp_path / "two.onnx", batch=2)
+    assert run(tmp_path / "two.onnx", clouds(2, 0)[0][:, :32]).shape == (2, 128, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"points": 4}, "6 neighbours were asked of 4 points"),
+        ({"points": 0}, "points is 0: it must be 1 or more"),
+        ({"touches": -1}, "touches is -1: 'tiny' was trained with at most 5"),
+        ({"touches": 6}, "touches is 6: 'tiny' was trained with at most 5, so give 0 to that"),
+        ({"touch_points": 0}, "touch_points is 0"),
+        ({"batch": 0}, "batch is 0: it must be 1 or more"),
+    ],
+)
+def test_impossible_numbers_are_said(tiny, tmp_path, options, said):
+    with pytest.raises(UserError, match=said):
+        export_onnx(tiny, tmp_path / "model.onnx", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_fusion_that_joins_touches_goes_without_them_only(tiny, tmp_path):
+    plain = tiny.recipe.resolved()
+    plain["model"] |= {"fusion": {"use": "none"}, "touch_encoder": None}
+    recipe = from_resolved(plain, load_plugins())
+    joining = Model("joining", build(recipe, load_plugins()).eval(), recipe, {}, None, ())
+    with pytest.raises(UserError, match="the fusion of 'joining' joins the touches"):
+        export_onnx(joining, tmp_path / "model.onnx", touches=1)
+
+
+def test_interpolation_and_folders_are_refused(tiny, tmp_path):
+    with pytest.raises(UserError, match="model 'midpoint' is no network"):
+        export_onnx(load("midpoint"), tmp_path / "model.onnx")
+    with pytest.raises(UserError, match="is a folder: name the file"):
+        export_onnx(tiny, tmp_path)
+
+
+@pytest.mark.parametrize("package", ["onnx", "onnxscript"])
+def test_a_missing_extra_is_named(tiny, tmp_path, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(UserError, match=rf"needs the package {package}: pip install 'pcsr\[onnx\]'"):
+        export_onnx(tiny, tmp_path / "model.onnx")
+
+
+def test_the_command_hands_everything_on(monkeypatch, tmp_path):
+    def fake(model, path, **options):
+        path.write_bytes(b"0" * 123_456)
+        asked.append((model.name, path, options))
+        return {"points": ("b", 64, 3), "touches": ("b", 2, 32, 3), "dense": ("b", 1024, 3)}
+
+    asked, out = [], tmp_path / "model.onnx"
+    monkeypatch.setattr("pcsr.export.export_onnx", fake)
+    arguments = ["midpoint", "-o", str(out), "--touches", "2", "--points", "64", "--touch-points", "32"]
+    result = CliRunner().invoke(export, arguments)
+    assert result.output == f"{out}: points (b 64 3), touches (b 2 32 3) to dense (b 1024 3), 0.1 MB\n"
+    options = {"points": 64, "touches": 2, "touch_points": 32, "batch": None}
+    assert asked == [("midpoint", out, options)]
+    assert CliRunner().invoke(export, [*arguments, "--batch", "8"]).exit_code == 0
+    assert asked[1][2] == {**options, "batch": 8}
+    for wrong in ("0", "many"):
+        assert CliRunner().invoke(export, [*arguments, "--batch", wrong]).exit_code == 2
+    assert len(asked) == 2
+
+
+def test_the_command_says_what_is_wrong_in_one_line(tmp_path):
+    result = CliRunner().invoke(pcsr.cli.pcsr, ["export", "midpoint", "-o", str(tmp_path / "m.onnx")])
+    assert (result.exit_code, result.output.count("\n")) == (2, 1)
+    assert "model 'midpoint' is no network" in result.output
