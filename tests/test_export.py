@@ -45,6 +45,7 @@ def tiny():
     plain["data"] |= {"rate": 4, "points": 32}
     plain["model"]["encoder"]["channels"] = plain["model"]["touch_encoder"]["channels"] = 8
     plain["model"]["backbone"] |= {"channels": [8], "neighbours": 6}
+    plain["model"]["upsampler"] |= {"start": "neighbours"}
     recipe = from_resolved(plain, load_plugins())
     return Model("tiny", build(recipe, load_plugins()).eval(), recipe, {"metrics": {"cd": 0.5}}, None, ())
 

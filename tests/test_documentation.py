@@ -1,0 +1,78 @@
+"""docs/library.md: its code runs, its commands work, its tables are true."""
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from pcsr import Touch
+from pcsr.checkpoint import __file__ as checkpoint
+from pcsr.cli import pcsr
+from pcsr.clouds.formats import read_points, write_points
+from pcsr.export import export_onnx
+from pcsr.library import load
+from pcsr.metrics import METRICS
+from pcsr.recorded import write
+
+TEXT = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
+CODE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+COMMANDS = re.findall(r"^\$ pcsr (.*)$", TEXT, re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def graph(tmp_path_factory):
+    """The graph that is documented; made once, as it takes a while."""
+    path = tmp_path_factory.mktemp("graph") / "model.onnx"
+    return path, export_onnx(load(), path, points=64, touches=2, touch_points=40)
+
+
+@pytest.fixture
+def made_once(graph, monkeypatch):
+    """`export_onnx` that copies it, if it is asked for just that."""
+
+    def copied(model, path, *, points, touches, touch_points, batch=None):
+        assert (model.path, points, touches, touch_points, batch) == (load().path, 64, 2, 40, None)
+        shutil.copy(graph[0], path)
+        return graph[1]
+
+    monkeypatch.setattr("pcsr.export.export_onnx", copied)
+
+
+def test_the_code_runs_from_top_to_bottom(tmp_path, monkeypatch, made_once):
+    monkeypatch.chdir(tmp_path)
+    assert len(CODE) == 8
+    exec("".join(CODE), {})
+
+
+def test_the_commands_work(tmp_path, monkeypatch, made_once):
+    monkeypatch.chdir(tmp_path)
+    directions = np.random.default_rng(0).normal(size=(300, 3))
+    cloud = 50 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    write_points(Path("scan.ply"), cloud)
+    write_points(Path("truth.ply"), cloud[::-1])
+    trimesh.creation.icosphere(radius=50).export("ball.stl")
+    write(Path("touches"), [Touch.of_one_finger(cloud[:20], None, 1.0, "digit")])
+    assert {line.split()[0] for line in COMMANDS} == {"upsample", "evaluate", "export"}
+    for line in COMMANDS:
+        result = CliRunner().invoke(pcsr, shlex.split(line))
+        assert result.exit_code == 0, result.output
+    assert len(read_points(Path("dense.ply"))) == 1200
+    assert Path("model.onnx").stat().st_size > 1e6
+
+
+def test_the_metrics_are_all_there_and_described_as_they_describe_themselves():
+    rows = dict(re.findall(r"^\| `([a-z0-9-]+)` \| ([A-Za-z].*) \|$", TEXT, re.MULTILINE))
+    assert {name: rows[name] for name in METRICS} == {name: metric.description for name, metric in METRICS.items()}
+
+
+def test_what_messages_are_said_to_say_they_say():
+    said = re.findall(r"^\| [^|`]+ \| (`.*) \|$", TEXT, re.MULTILINE)
+    source = re.sub(r"\"\s*f?\"", "", Path(checkpoint).read_text(encoding="utf-8"))
+    fragments = [part for row in said for quoted in re.findall("`([^`]+)`", row) for part in quoted.split(" … ")]
+    assert len(fragments) >= 9
+    assert not [fragment for fragment in fragments if fragment not in source]
