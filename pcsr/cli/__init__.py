@@ -26,6 +26,7 @@ class BuiltIn(NamedTuple):
 COMMANDS = {
     "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud of your own dense."),
     "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud beside the truth."),
+    "view": BuiltIn("pcsr.cli.view:view", "Look at clouds side by side."),
     "export": BuiltIn("pcsr.cli.export:export", "Write a network as ONNX."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
     "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),

@@ -19,6 +19,7 @@ PIPE = Path("-")
 @click.option("--points", "count", type=int, default=None, help="Points that come out, instead of a rate.")
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: tapsr]")
+@click.option("--mesh", type=FILE, default=None, help="Write a surface through the dense cloud too (extra [open3d]).")
 @click.option("--replace", is_flag=True, help="Leave the old points out; all that come out are new.")
 @click.option(
     "--bad",
@@ -40,6 +41,7 @@ def upsample(
     count: int | None,
     touch: Path | None,
     model: str | None,
+    mesh: Path | None,
     replace: bool,
     bad: Literal["refuse", "drop"],
     suffix: str,
@@ -65,6 +67,11 @@ def upsample(
     from pcsr.recorded import read
 
     start = time.perf_counter()
+    if mesh is not None:
+        from pcsr.clouds.surface import check_suffix, open3d, write_surface
+
+        check_suffix(mesh)  # before the work, not after it
+        open3d()
     console = Console(stderr=True, quiet=quiet)
     kind = f".{suffix.lstrip('.')}"
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
@@ -99,6 +106,8 @@ def upsample(
         sys.stdout.buffer.write(cloud_bytes(dense, kind))
     else:
         write_cloud(out, dense)
+    if mesh is not None:
+        console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     seconds = time.perf_counter() - start
     felt = f" and {len(touches)} touches" if touches else ""
     console.print(

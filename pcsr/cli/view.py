@@ -1,0 +1,18 @@
+"""`pcsr view`: a window with clouds side by side."""
+
+from pathlib import Path
+
+import click
+
+from pcsr.cli.options import FILE
+
+
+@click.command()
+@click.argument("clouds", nargs=-1, required=True, type=FILE)
+def view(clouds: tuple[Path, ...]) -> None:
+    """Open a window with CLOUDS side by side (extra [open3d], on a desktop)."""
+    from pcsr.clouds.formats import read_cloud
+    from pcsr.clouds.surface import open3d, show
+
+    open3d()  # before files are read
+    show([(path.name, read_cloud(path)) for path in clouds])

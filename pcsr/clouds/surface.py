@@ -1,0 +1,133 @@
+"""A surface through a dense cloud, and a window to look at clouds: what Open3D is for (extra `[open3d]`)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from pcsr.clouds.cloud import Cloud
+from pcsr.errors import RunError, UserError
+from pcsr.files import write_whole
+
+SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+NEIGHBOURS = 16
+"""Points that a normal is estimated from."""
+DEPTH = 9
+"""Of the octree: 512 cells along the cloud's longest side."""
+FAR = 3.0
+"""The surface is cut off where it is so many spacings from all points: Poisson's method closes every hole."""
+
+
+def open3d() -> ModuleType:
+    """The library, if it is there and works.
+
+    Raises:
+        UserError: it is not installed, or a library of the system that it needs is not.
+    """
+    try:
+        import open3d
+    except ImportError as error:
+        raise UserError(f"this needs Open3D ({error}): pip install 'pcsr[open3d]'") from error
+    except OSError as error:
+        raise UserError(
+            f"Open3D cannot be loaded ({error}): on Debian and Ubuntu, apt install libusb-1.0-0 libgl1 libgomp1"
+        ) from error
+    module: ModuleType = open3d
+    return module
+
+
+def write_surface(path: Path, cloud: Cloud) -> int:
+    """Write a triangle mesh through a cloud, by Poisson reconstruction (Kazhdan and Hoppe, 2013).
+
+    Normals are the cloud's; where it has none they are estimated. The surface ends where the points do.
+
+    Args:
+        path: .ply, .obj, .stl, .off or .glb.
+        cloud: dense, in any frame and unit.
+
+    Returns:
+        The number of triangles.
+
+    Raises:
+        UserError: an unknown suffix, or no Open3D.
+        RunError: no surface was found, or the file cannot be written.
+    """
+    check_suffix(path)
+    o3d = open3d()
+    centre = cloud.points.mean(0)  # Open3D's reconstruction is in single precision
+    points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points - centre))
+    if all(name in cloud.columns for name in ("nx", "ny", "nz")):
+        normals = np.stack([cloud.columns[name] for name in ("nx", "ny", "nz")], axis=1).astype(np.float64)
+        points.normals = o3d.utility.Vector3dVector(normals)
+    else:
+        points.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+        points.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+    mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=DEPTH, n_threads=1)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+    kept = faces[_near(vertices, cloud.points - centre)[faces].all(1)]
+    if not len(kept):
+        raise RunError(f"{path}: no surface was found through the {len(cloud)} points")
+    _export(path, vertices + centre, kept)
+    return len(kept)
+
+
+def show(clouds: Sequence[tuple[str, Cloud]]) -> None:
+    """Open a window with clouds side by side; it returns when the window is closed.
+
+    Raises:
+        UserError: no Open3D, or no display.
+    """
+    o3d = open3d()
+    shown: list[Any] = []
+    offset = 0.0
+    for _, cloud in clouds:
+        span = np.ptp(cloud.points, axis=0)
+        points = cloud.points - cloud.points.min(0) + np.array([offset, 0.0, 0.0])
+        one = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+        if all(name in cloud.columns for name in ("red", "green", "blue")):
+            colours = np.stack([cloud.columns[name] for name in ("red", "green", "blue")], axis=1).astype(np.float64)
+            one.colors = o3d.utility.Vector3dVector(colours / max(1.0, 255.0 if colours.max() > 1 else 1.0))
+        shown.append(one)
+        offset += 1.1 * float(span[0] or 1.0)
+    window = o3d.visualization.Visualizer()
+    if not window.create_window(window_name=", ".join(name for name, _ in clouds)):
+        raise UserError("Open3D found no display to open a window on: run this on a desktop")
+    for one in shown:
+        window.add_geometry(one)
+    window.run()
+    window.destroy_window()
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse what no mesh is written as.
+
+    Raises:
+        UserError: its suffix is none of a mesh.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise UserError(f"{path}: no mesh format '{path.suffix}': {', '.join(SUFFIXES)} are known")
+
+
+def _near(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Which vertices have points about them."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points)
+    spacing = tree.query(points[:: max(1, len(points) // 10_000)], k=7)[0][:, 1:].mean()
+    return np.asarray(tree.query(vertices)[0] <= FAR * spacing)
+
+
+def _export(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.remove_unreferenced_vertices()
+    kind = path.suffix.lower().lstrip(".")
+
+    def write(part: Path) -> None:
+        data: Any = mesh.export(file_type=kind)
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+    write_whole(path, write)
