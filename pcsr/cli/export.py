@@ -42,10 +42,10 @@ def export(
     batch: int | str,
     plugins: tuple[Path, ...],
 ) -> None:
-    """Write the network of MODEL as an ONNX graph: a name, a run folder or a weights file.
+    """Write a network as ONNX.
 
-    Its inputs are the points and, if there are any, the touches, both in the unit sphere of the points; its output is
-    the dense cloud. It needs the extra [onnx].
+    MODEL is a name, a run folder or a weights file. The graph's inputs are the points and, if there are any, the
+    touches, both in the unit sphere of the points; its output is the dense cloud. It needs the extra [onnx].
     """
     from pcsr.export import export_onnx
     from pcsr.library import load
