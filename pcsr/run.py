@@ -128,7 +128,7 @@ def _trained(
             "version": pcsr.__version__,
             "training": training,
         }
-        save_weights(folder / WEIGHTS, network, card)
+        save_weights(folder / WEIGHTS, network, card, registry)
         (folder / CHECKPOINT).unlink()
     return network, {**training, "source": "trained by this run"}
 
@@ -149,7 +149,7 @@ def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
 
 def _is_of(card: dict[str, Any], recipe: Recipe, data: str) -> bool:
     """Whether weights are of exactly this recipe and exactly this data."""
-    return bool(card["fingerprint"] == recipe.fingerprint and card["data_fingerprint"] == data)
+    return bool(card.get("fingerprint") == recipe.fingerprint and card.get("data_fingerprint") == data)
 
 
 Data = Callable[[str, Progress], Split]

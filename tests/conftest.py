@@ -1,7 +1,12 @@
 """Settings for every test, and a small world to build data from: balls, caps of them, objects that fail."""
 
+import os
+
 import pytest
 from hypothesis import settings
+
+# Two processes of two threads each on two cores wait for one another most of the time. Here and in what tests start.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # How long an example takes depends on who else uses the machine, so no example fails for being slow.
 settings.register_profile("pcsr", deadline=None)

@@ -12,7 +12,8 @@ from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
 
 SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
-TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]")
+# From `neighbours` the upsampler starts with weights of zero, which would hide what comes before it.
+TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=point")
 NO_FUSION = ("model.fusion=none", "model.touch_encoder=null")
 RATE, N = 4, 30
 

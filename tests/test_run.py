@@ -21,7 +21,7 @@ from pcsr.train import train
 ROOT = Path(__file__).parents[1]
 TINY = [
     "data.points=64", "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
-    "train.epochs=3", "train.batch=4",
+    "train.epochs=3", "train.batch=4", "model.upsampler.start=point",
 ]  # fmt: skip
 
 
@@ -86,22 +86,25 @@ def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, regi
 
 def test_gradients_reach_the_touch_encoder(recipe, registry, split):
     network = build(recipe, registry)
-    network(split.points[:2], 4, split.touches[:2]).square().sum().backward()
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
+    network(points, 4, felt).square().sum().backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
 
 
 def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, split):
     network, order = build(recipe, registry).eval(), torch.randperm(64)
+    points, felt, truth = (torch.stack(list(clouds)) for clouds in (split.points, split.touches, split.truth))
     with torch.no_grad():
-        one = chamfer(network(split.points, 4, split.touches), split.truth)
-        other = chamfer(network(split.points[:, order], 4, split.touches), split.truth)
+        one = chamfer(network(points, 4, felt), truth)
+        other = chamfer(network(points[:, order], 4, felt), truth)
     assert torch.allclose(one, other, rtol=1e-5)
 
 
 def test_fusion_none_thins_its_output(registry, split):
     overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
     network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
-    assert network(split.points[:2], 4, split.touches[:2]).shape == (2, 256, 3)
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
+    assert network(points, 4, felt).shape == (2, 256, 3)
 
 
 def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):

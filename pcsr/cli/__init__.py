@@ -24,13 +24,13 @@ class BuiltIn(NamedTuple):
 
 
 COMMANDS = {
-    "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud of your own dense."),
-    "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud beside the truth."),
-    "view": BuiltIn("pcsr.cli.view:view", "Look at clouds side by side."),
+    "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud dense and write it."),
+    "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud beside the true one."),
+    "view": BuiltIn("pcsr.cli.view:view", "Open a window with clouds side by side."),
     "export": BuiltIn("pcsr.cli.export:export", "Write a network as ONNX."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
     "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),
-    "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh."),
+    "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."),
 }

@@ -24,7 +24,7 @@ from pcsr.cli.options import FILE
 def evaluate(
     prediction: Path, truth: Path, mesh: Path | None, frame: str, metrics: tuple[str, ...], plain: bool
 ) -> None:
-    """Measure the cloud PREDICTION beside the cloud TRUTH."""
+    """Measure a cloud beside the true one."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

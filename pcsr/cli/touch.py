@@ -54,7 +54,7 @@ def touch(
     overwrite: bool,
     registry: "Registry",
 ) -> None:
-    """Simulate touches on MESH and write them to a folder, as a person's own recording would lie there."""
+    """Simulate touches on a mesh and write them as a recording."""
     import numpy as np
 
     from pcsr.clouds.formats import read_points

@@ -51,7 +51,7 @@ def upsample(
     plugins: tuple[Path, ...],
     quiet: bool,
 ) -> None:
-    """Make the cloud IN dense and write it to OUT.
+    """Make a cloud dense and write it.
 
     Frame and unit stay. The old points are kept, and what they have besides coordinates, such as colours, the new
     ones get from their neighbours. Formats go by suffix: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS and LAZ; OBJ, STL, GLB

@@ -10,7 +10,10 @@ from pcsr.cli.options import FILE
 @click.command()
 @click.argument("clouds", nargs=-1, required=True, type=FILE)
 def view(clouds: tuple[Path, ...]) -> None:
-    """Open a window with CLOUDS side by side (extra [open3d], on a desktop)."""
+    """Open a window with clouds side by side.
+
+    It takes the extra [open3d], and a desktop.
+    """
     from pcsr.clouds.formats import read_cloud
     from pcsr.clouds.surface import open3d, show
 

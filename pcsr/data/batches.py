@@ -9,12 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
+from pcsr.geometry.sampling import farthest_points
 
+EVEN = 0.5
+"""Share of the redrawn clouds that are evenly spaced."""
 SCALE = (0.8, 1.2)
 """Random scaling, as in PU-GAN and those after it."""
 JITTER = 0.002
@@ -39,7 +42,7 @@ class Batches:
     touches: tuple[int, int]
     """Fewest and most touches; each batch draws its own number."""
     augment: Sequence[str]
-    """`redraw` draws the sparse cloud anew from the truth, at random: for data whose sampling is random."""
+    """`redraw` draws the sparse cloud anew from the truth, at random or, with `even`, half of the time evenly."""
     seed: int
 
     @property
@@ -59,11 +62,19 @@ class Batches:
         points, touches, truth = (torch.stack(clouds) for clouds in zip(*rows, strict=True))
         return Batch(points, touches, truth)
 
+    def _redrawn(
+        self, truth: Float[np.ndarray, "g 3"], count: int, rng: np.random.Generator
+    ) -> Int[np.ndarray, " count"]:
+        """Another sparse cloud of the truth. Networks that saw random ones alone do harm to even ones."""
+        if "even" in self.augment and rng.random() < EVEN:
+            return farthest_points(truth, count, start=int(rng.integers(len(truth))))
+        return rng.choice(len(truth), count, replace=False)
+
     def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
         points = self.split.points[item]
         if "redraw" in self.augment:
-            points = truth[torch.from_numpy(rng.choice(len(truth), len(points), replace=False))]
+            points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
         felt = self.split.touches[item]
         felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
         sphere = UnitSphere.fit(points.numpy())

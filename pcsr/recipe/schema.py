@@ -76,7 +76,7 @@ class Model(Section):
 
 
 Count = Annotated[int, Field(ge=0, le=16)]
-Augmentation = Literal["rotate", "scale", "jitter", "redraw"]
+Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even"]
 
 
 class Train(Section):
@@ -92,7 +92,7 @@ class Train(Section):
     """Factor of the learning rate every `decay_every` epochs."""
     decay_every: Annotated[int, Field(ge=1)] | None = None
     """None: a tenth of the epochs."""
-    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE] = ("redraw", "rotate", "scale", "jitter")
+    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE] = ("redraw", "even", "rotate", "scale", "jitter")
     touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
     """One number, or the least and the most, drawn for each batch; None: as at evaluation."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"

@@ -10,7 +10,7 @@ from pcsr.data.batches import JITTER, SCALE, Batches, _rotation
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
 
-ALL = ("redraw", "rotate", "scale", "jitter")
+ALL = ("redraw", "even", "rotate", "scale", "jitter")
 
 
 def split(count: int = 7) -> Split:
@@ -96,6 +96,16 @@ def test_the_sparse_cloud_fills_the_unit_sphere_and_is_part_of_the_truth():
         torch.testing.assert_close(batch.points.norm(dim=-1).amax(1), torch.ones(4))
         torch.testing.assert_close(batch.points.mean(1), torch.zeros(4, 3), atol=1e-6, rtol=0)
         assert torch.cdist(batch.points, batch.truth).amin(2).max() < 2e-3  # cdist rounds small distances
+
+
+def test_half_of_the_redrawn_clouds_are_even():
+    def closest(cloud):
+        return float((torch.cdist(cloud, cloud) + 9 * torch.eye(10)).min())
+
+    random = [closest(p) for step in range(8) for p in batches("redraw", size=7).at(step).points]
+    mixed = [closest(p) for step in range(8) for p in batches("redraw", "even", size=7).at(step).points]
+    far = sum(gap > max(random) for gap in mixed)
+    assert 0.25 * len(mixed) < far < 0.75 * len(mixed)
 
 
 def test_redraw_takes_other_points_each_time_and_none_twice():

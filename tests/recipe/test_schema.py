@@ -50,7 +50,7 @@ def test_defaults_are_filled_in(write, registry):
             "rate": 1e-3,
             "decay": 0.7,
             "decay_every": None,
-            "augment": ["redraw", "rotate", "scale", "jitter"],
+            "augment": ["redraw", "even", "rotate", "scale", "jitter"],
             "touches": None,
             "precision": "32-true",
         },
