@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 from scipy.spatial import KDTree
 
-from pcsr.clouds.cloud import colour_names, normal_groups
+from pcsr.clouds.columns import colour_names, normal_groups
 from pcsr.errors import UserError
 
 CHUNK = 1 << 18

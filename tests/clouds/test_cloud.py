@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.clouds.cloud import Cloud, colour_names, native, normal_groups, one_word_names, spread, unused
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import colour_names, native, normal_groups, one_word_names, spread, unused
 
 POINTS = np.arange(12.0).reshape(4, 3)
 

@@ -5,7 +5,8 @@ from io import BytesIO
 
 import numpy as np
 
-from pcsr.clouds.cloud import Cloud, native, spread, unused
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import native, spread, unused
 from pcsr.errors import UserError, did_you_mean
 
 

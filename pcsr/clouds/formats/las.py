@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.clouds.cloud import Cloud, native, spread, unused
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import native, spread, unused
 from pcsr.errors import UserError
 
 REMEDY = "pip install 'pcsr[las]'"

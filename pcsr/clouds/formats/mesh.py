@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.clouds.cloud import COLOURS, NORMALS, Cloud, spread
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import COLOURS, NORMALS, spread
 from pcsr.clouds.formats.digits import load_rows, words
 from pcsr.errors import UserError
 

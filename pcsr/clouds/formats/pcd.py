@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.clouds.cloud import NORMALS, Cloud, native, spread, unused
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import NORMALS, native, spread, unused
 from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
 

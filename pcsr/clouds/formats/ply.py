@@ -6,7 +6,8 @@ from io import BytesIO
 
 import numpy as np
 
-from pcsr.clouds.cloud import Cloud, native
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import native
 from pcsr.clouds.formats.digits import fitting, load_rows
 from pcsr.errors import UserError
 

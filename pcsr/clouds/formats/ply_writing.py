@@ -3,7 +3,8 @@
 import numpy as np
 from jaxtyping import Float64
 
-from pcsr.clouds.cloud import Cloud, one_word_names, spread
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import one_word_names, spread
 from pcsr.clouds.formats.digits import words
 from pcsr.clouds.formats.ply import ORDERS, TYPES
 from pcsr.errors import UserError

@@ -9,7 +9,8 @@ from io import StringIO
 
 import numpy as np
 
-from pcsr.clouds.cloud import NORMALS, Cloud, colour_names, one_word_names, spread, unused
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import NORMALS, colour_names, one_word_names, spread, unused
 from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from pcsr import RunError, UserError
-from pcsr.clouds.cloud import COLOUR_BLOCKS, NORMAL_BLOCKS, Cloud
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import COLOUR_BLOCKS, NORMAL_BLOCKS
 from pcsr.clouds.formats import (
     CLOUD_READERS,
     CLOUD_WRITERS,
