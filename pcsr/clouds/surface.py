@@ -63,7 +63,12 @@ def write_surface(path: Path, cloud: Cloud) -> int:
         points.normals = o3d.utility.Vector3dVector(normals)
     else:
         points.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
-        points.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+        try:
+            points.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+        except RuntimeError:  # it triangulates the points, which fails where many lie on one sphere or plane
+            points.normals = o3d.utility.Vector3dVector(
+                _outwards(np.asarray(points.points), np.asarray(points.normals))
+            )
     mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=DEPTH, n_threads=1)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
     kept = faces[_near(vertices, cloud.points - centre)[faces].all(1)]
@@ -108,6 +113,12 @@ def check_suffix(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise UserError(f"{path}: no mesh format '{path.suffix}': {', '.join(SUFFIXES)} are known")
+
+
+def _outwards(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Normals turned away from the cloud's middle, which is right for what bulges."""
+    inwards = np.einsum("ij,ij->i", points - points.mean(0), normals) < 0
+    return np.where(inwards[:, None], -normals, normals)
 
 
 def _near(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:

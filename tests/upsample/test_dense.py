@@ -144,3 +144,15 @@ def test_points_on_a_line_and_copies_are_no_trouble():
     assert np.linalg.norm(np.cross(new, [1, 2, 3]), axis=1).max() < 1e-9
     twice = np.repeat(bowl(40), 3, axis=0)
     assert np.isfinite(densify(twice, 500, SMALL)).all()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_same_points():
+    distributed = pytest.importorskip("distributed")
+    cloud = bowl(300)
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster,
+        crew(scheduler=cluster.scheduler_address) as workers,
+    ):
+        other = densify(cloud, 900, SMALL, crew=workers)
+    np.testing.assert_array_equal(densify(cloud, 900, SMALL), other)

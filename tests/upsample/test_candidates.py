@@ -1,0 +1,86 @@
+"""Where candidates come from: interpolation, a network in memory, and the same network from its file."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from pcsr import RunError
+from pcsr.checkpoint import load_weights
+from pcsr.plugins import load_plugins
+from pcsr.upsample.candidates import Midpoints, Networked, Stored
+from pcsr.weights import shipped
+
+
+def ball(count=64, seed=0):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+class Echo(nn.Module):
+    """Gives each point twice, and remembers what it was asked."""
+
+    def __init__(self, factor=1.0):
+        super().__init__()
+        self.factor = nn.Parameter(torch.tensor(factor))
+        self.asked = []
+
+    def forward(self, points, rate, touches=None):
+        self.asked.append(touches)
+        return points.repeat_interleave(rate, dim=1) * self.factor
+
+
+def networked(network, **changes):
+    settings = {"size": 64, "rate": 2, "most_touches": 3, "touch_points": 10, **changes}
+    made = object.__new__(Networked)
+    for name, value in {"network": network, **settings}.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def test_a_network_gives_its_rate_of_candidates_in_double_precision():
+    made = networked(Echo())(ball(), [])
+    assert made.dtype == np.float64
+    np.testing.assert_allclose(made, np.repeat(ball(), 2, axis=0), atol=1e-6)
+
+
+def test_touches_become_as_many_points_as_the_network_knows():
+    echo = Echo()
+    networked(echo)(ball(), [ball(4, 1), ball(10, 2), ball(300, 3)])
+    (heard,) = echo.asked
+    assert heard.shape == (1, 3, 10, 3)
+    few = {tuple(point) for point in heard[0, 0].numpy().round(5)}
+    assert len(few) == 4, "a touch of four points has each of them two or three times"
+
+
+def test_of_more_touches_than_it_knows_the_nearest_are_heard():
+    echo = Echo()
+    touches = [np.full((10, 3), place) for place in (0.9, 0.1, 0.5, 0.3, 0.7)]
+    networked(echo)(ball(), touches)
+    assert sorted(echo.asked[0][0, :, 0, 0].tolist()) == pytest.approx([0.1, 0.3, 0.5])
+
+
+def test_the_order_of_a_touchs_points_does_not_matter():
+    echo = Echo()
+    touch = ball(50, 1)
+    for one in (touch, touch[::-1]):
+        networked(echo)(ball(), [one])
+    assert torch.equal(*echo.asked)
+
+
+def test_a_network_that_gives_nonsense_is_said():
+    with pytest.raises(RunError, match="its weights are damaged"):
+        networked(Echo(float("nan")))(ball(), [])
+
+
+def test_a_stored_network_is_the_one_in_memory():
+    network, recipe, _ = load_weights(shipped("tapsr"), load_plugins())
+    memory = Networked.of(network, recipe)
+    stored = Stored(shipped("tapsr"), (), recipe.data.points, recipe.data.rate)
+    assert (stored.size, stored.rate) == (memory.size, memory.rate) == (512, 16)
+    touches = [ball(40, 1) * 0.2]
+    np.testing.assert_array_equal(stored(ball(80), touches), memory(ball(80), touches))
+
+
+def test_interpolation_gives_sixteen_for_each():
+    assert Midpoints()(ball(), []).shape == (64 * 16, 3)
