@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
+_umask = os.umask(0)  # it can be read only by setting it
+os.umask(_umask)
+MODE = 0o666 & ~_umask
+"""What others may do with a file, as the system has it for new ones."""
+
+
 def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file beside `path`, which then takes its place.
 
@@ -22,6 +28,7 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(part)
+        os.chmod(part, MODE)  # some libraries make files that only their owner may read
         os.replace(part, path)
     except OSError as error:
         raise RunError(f"{path} could not be written: {error.strerror or error}; what was there is unharmed") from error

@@ -58,6 +58,15 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
         write_text(tmp_path / "file" / "x.txt", "x")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX has these modes")
+def test_others_may_read_what_they_may_read_of_any_new_file(tmp_path):
+    (tmp_path / "plain").write_text("")
+    save_tensors(tmp_path / "t.safetensors", {"a": torch.zeros(3)}, {})
+    write_text(tmp_path / "text", "x")
+    modes = {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()}
+    assert len(modes) == 1
+
+
 def test_tensors_come_back(tmp_path):
     save_tensors(tmp_path / "t.safetensors", {"a": torch.arange(6).reshape(2, 3).T}, {"x": "y"})
     assert torch.equal(load_file(tmp_path / "t.safetensors")["a"], torch.arange(6).reshape(2, 3).T)
