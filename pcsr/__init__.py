@@ -27,7 +27,8 @@ if TYPE_CHECKING:
         Widths,
     )
     from pcsr.grafting import Grafted, graft
-    from pcsr.library import Model, evaluate, load
+    from pcsr.library import Model, load
+    from pcsr.measure import evaluate
     from pcsr.registry import Register
 
 __version__ = "0.1.0"
@@ -35,7 +36,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
     "Register": "pcsr.registry",
-    **dict.fromkeys(("Model", "evaluate", "load"), "pcsr.library"),
+    **dict.fromkeys(("Model", "load"), "pcsr.library"),
+    "evaluate": "pcsr.measure",
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (

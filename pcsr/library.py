@@ -1,4 +1,4 @@
-"""pcsr from Python: load a model, upsample clouds of any kind and size, measure the result."""
+"""pcsr from Python: load a model, upsample clouds of any kind and size."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,8 +15,6 @@ from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
 from pcsr.data.workers import crew
 from pcsr.errors import UserError, did_you_mean
-from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import METRICS, Mesh
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
@@ -153,52 +151,6 @@ def load(
     return Model(name, network, recipe, card, path, files)
 
 
-def evaluate(
-    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | None = None
-) -> dict[str, float]:
-    """Every metric of a cloud by its name, unscaled.
-
-    Args:
-        prediction: the cloud to judge, of any kind that `Model.upsample` takes.
-        truth: the true cloud.
-        mesh: the true surface (trimesh, or vertices and faces), for the metrics that need it.
-        frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
-            cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
-        metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size.
-
-    Raises:
-        UserError: an unknown name or frame, or a metric that cannot be measured.
-    """
-    clouds = [convert(cloud).points for cloud in (prediction, truth)]
-    frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
-    if frame not in frames:
-        raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
-    surface = _surface(mesh)
-    if metrics is None:
-        sizes = len(clouds[0]) == len(clouds[1])
-        metrics = [
-            name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and (sizes or name != "emd")
-        ]
-    spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [UnitSphere(np.zeros(3), 1.0)] * 2
-    tensors = [
-        torch.from_numpy((cloud - sphere.centre) / sphere.radius)[None]
-        for cloud, sphere in zip(clouds, spheres, strict=True)
-    ]
-    values = {}
-    for name in metrics:
-        if name not in METRICS:
-            raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
-        metric = METRICS[name]
-        if metric.needs_mesh and frame == "each":
-            values[name] = metric(torch.from_numpy(clouds[0])[None], tensors[1], surface)
-        elif metric.needs_mesh and surface is not None:
-            scaled = (surface[0] - spheres[1].centre) / spheres[1].radius, surface[1]
-            values[name] = metric(tensors[0], tensors[1], scaled)
-        else:
-            values[name] = metric(tensors[0], tensors[1], surface)
-    return values
-
-
 def _found(name: str) -> Path:
     """The weights file that a person means."""
     path = Path(name).expanduser()
@@ -265,10 +217,3 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
                 f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
             )
     return felt
-
-
-def _surface(mesh: Any) -> Mesh | None:
-    if mesh is None:
-        return None
-    vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
-    return np.asarray(vertices, np.float64), np.asarray(faces, np.int64)

@@ -12,6 +12,7 @@ FLOORS = {
     "pcsr.report": 5,
     "pcsr.run": 5,
     "pcsr.library": 5,
+    "pcsr.measure": 2,
     "pcsr.export": 5,
     "pcsr.train": 4,
     "pcsr.evaluation": 4,

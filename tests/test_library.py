@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 
 import pcsr
 from pcsr import Touch, UserError
-from pcsr.geometry.frames import UnitSphere
-from pcsr.library import evaluate, load
-from pcsr.metrics import chamfer
+from pcsr.library import load
 from pcsr.recorded import write
 from pcsr.weights import shipped
 
@@ -166,34 +164,6 @@ def test_a_folder_without_weights_is_named(tmp_path):
 def test_a_device_that_is_not_there_is_named():
     with pytest.raises(UserError, match="device 'nonsense' cannot be used"):
         load("tapsr", device="nonsense")
-
-
-def test_evaluate_gives_every_metric_by_its_name():
-    ball = trimesh.creation.icosphere(subdivisions=3)
-    truth = ball.vertices * 5 + 1
-    prediction = truth + np.random.default_rng(0).normal(0, 0.01, truth.shape)
-    surface = trimesh.Trimesh(truth, ball.faces)
-    values = evaluate(prediction, truth, surface)
-    assert set(values) == {"cd", "hd", "hd-pugcn", "emd", "p2f"}
-    sphere = UnitSphere.fit(truth)
-    by_hand = chamfer(*(torch.from_numpy((c - sphere.centre) / sphere.radius)[None] for c in (prediction, truth)))
-    assert values["cd"] == pytest.approx(float(by_hand[0]))
-    assert set(evaluate(prediction[:100], truth)) == {"cd", "hd", "hd-pugcn"}
-    raw, scaled = evaluate(prediction, truth, surface, frame="none"), evaluate(prediction, truth, surface, frame="each")
-    assert raw["p2f"] == pytest.approx(scaled["p2f"])
-    assert raw["p2f"] == pytest.approx(values["p2f"] * sphere.radius, rel=1e-6)
-    assert raw["cd"] == pytest.approx(values["cd"] * sphere.radius**2, rel=1e-6)
-    assert evaluate(truth, truth, metrics=["cd"]) == {"cd": 0.0}
-
-
-def test_evaluate_names_what_it_does_not_know():
-    points = cloud()
-    with pytest.raises(UserError, match="there is no metric 'chamfer'"):
-        evaluate(points, points, metrics=["chamfer"])
-    with pytest.raises(UserError, match="there is no frame 'both'"):
-        evaluate(points, points, frame="both")
-    with pytest.raises(UserError, match="needs the true mesh"):
-        evaluate(points, points, metrics=["p2f"])
 
 
 def test_everything_is_at_the_top():

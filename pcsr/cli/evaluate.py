@@ -31,7 +31,7 @@ def evaluate(
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.library import evaluate as measure
+    from pcsr.measure import evaluate as measure
     from pcsr.metrics import METRICS
 
     clouds = read_points(prediction), read_points(truth)
