@@ -1,5 +1,6 @@
 """pcsr from Python: load a model, upsample clouds of any kind and size."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from pcsr import weights
 from pcsr.checkpoint import load_weights
@@ -27,6 +29,8 @@ INTERPOLATION = "midpoint"
 WEIGHTS = "weights.safetensors"
 FAR = 1.0
 """A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
+OFF = 0.1
+"""A touch is off the cloud if so many radii lie between it and the nearest point."""
 RATES = (1.1, 64.0)
 
 Touches = str | Path | Sequence[Any]
@@ -75,6 +79,9 @@ class Model:
 
         Raises:
             UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
+
+        Warns:
+            UserWarning: a touch lies where the cloud has no points.
         """
         given = convert(points)
         new = self.new_points(
@@ -215,5 +222,12 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
             raise UserError(
                 f"touch {number} is {2 * own:.4g} across and lies {max(away, 0.0):.4g} away from the cloud, which is "
                 f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
+            )
+        apart = float(cKDTree(touch).query(cloud)[0].min())
+        if apart > OFF * radius:
+            warnings.warn(
+                f"touch {number} lies {apart:.4g} away from the nearest point of the cloud, which is {2 * radius:.4g} "
+                f"across: where the cloud has no points it changes little or nothing",
+                stacklevel=4,
             )
     return felt

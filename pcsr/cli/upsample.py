@@ -58,6 +58,7 @@ def upsample(
     and OFF are read too.
     """
     import time
+    import warnings
 
     from rich.console import Console
 
@@ -89,7 +90,8 @@ def upsample(
         for name, reason in recording.skipped.items():
             console.print(f"touch {name} is left out: {reason}", style="yellow", markup=False, soft_wrap=True)
     made = load(model, plugins=plugins, device=_device(device))
-    with progress_bars(console, hidden=quiet) as progress:
+    with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
+        warnings.simplefilter("always", UserWarning)
         task = progress.add_task("upsampling", total=len(given.points))
         new = made.new_points(
             given.points,
@@ -102,6 +104,8 @@ def upsample(
             advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
         dense = given.with_new(new, keep=not replace)
+    for one in said:
+        console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     if out == PIPE:
         sys.stdout.buffer.write(cloud_bytes(dense, kind))
     else:
