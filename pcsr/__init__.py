@@ -11,7 +11,7 @@ from pcsr.errors import PcsrError, RunError, UserError
 from pcsr.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from pcsr import metrics
+    from pcsr import metrics, recorded
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -82,12 +82,13 @@ __all__ = [
     "hookimpl",
     "load",
     "metrics",
+    "recorded",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "metrics":  # each under a name that says its convention
-        return importlib.import_module("pcsr.metrics")
+    if name in ("metrics", "recorded"):
+        return importlib.import_module(f"pcsr.{name}")
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'pcsr' has no attribute '{name}'")

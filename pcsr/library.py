@@ -191,7 +191,9 @@ def _from_hub(name: str) -> Path:
 
 def _count(n: int, rate: float | int | None, count: int | None) -> int:
     if rate is not None and count is not None:
-        raise UserError(f"rate {rate:g} and count {count} say the same thing twice: give one of them")
+        raise UserError(
+            f"rate {rate:g} and count {count} say the same thing twice: give one of them (--rate, --points)"
+        )
     if count is not None:
         if count < 1:
             raise UserError(f"count is {count}: at least one point must come out")
@@ -200,7 +202,9 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
         return count
     rate = 4.0 if rate is None else float(rate)
     if not RATES[0] <= rate <= RATES[1]:
-        raise UserError(f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for other numbers give a count")
+        raise UserError(
+            f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for other numbers give a count (--points)"
+        )
     return round(rate * n)
 
 

@@ -13,7 +13,7 @@ from pcsr.metrics import METRICS, Mesh
 
 
 def evaluate(
-    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | None = None
+    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | str | None = None
 ) -> dict[str, float]:
     """Every metric of a cloud by its name, unscaled.
 
@@ -32,6 +32,7 @@ def evaluate(
     frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
     if frame not in frames:
         raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
+    metrics = [metrics] if isinstance(metrics, str) else metrics
     surface = _surface(mesh)
     if metrics is None:
         sizes = len(clouds[0]) == len(clouds[1])

@@ -99,6 +99,7 @@ def _trained(
         (weights.shipped(recipe.name), "shipped weights"),
     ):
         if path.exists() and _is_of(read_card(path), recipe, fingerprint):
+            progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
             network, _, card = load_weights(path, registry)
             return network, {**card["training"], "source": source}
     # One process writes the recipe and builds the data, the others wait and read it.
@@ -106,6 +107,8 @@ def _trained(
         if fabric.is_global_zero:
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
         train_data, validation = data("train", progress), data("validation", progress)
+    if fabric.is_global_zero:
+        progress.console.print(f"no weights of exactly this recipe yet: training, {recipe.train.epochs} epochs")
     task = progress.add_task("training", total=None)
     network = train(
         recipe,

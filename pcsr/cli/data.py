@@ -43,7 +43,7 @@ def make(
     jobs: int | None,
     scheduler: str | None,
 ) -> None:
-    """Build a data set from SHAPES: a folder of meshes, or a part such as cad-parts.
+    """Build a data set from a folder of meshes, a part such as cad-parts, or the section data of a recipe.
 
     What is there already is not built again: the same command goes on where it was stopped.
     """
@@ -96,14 +96,21 @@ def info(folder: Path, picture: Path | None, name: str | None) -> None:
 
 
 def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "Recipe":
-    from pcsr.recipe import for_data
+    from pcsr.recipe import for_data, load
 
     names = registry.names("shapes")
     if shapes in names:
         return for_data(shapes, {}, registry, overrides)
+    if shapes.endswith((".yaml", ".yml")):
+        recipes = load(Path(shapes), registry, [f"data.{override}" for override in overrides])
+        if len(recipes) != 1:
+            raise UserError(f"{shapes} describes {len(recipes)} runs: build the data of one, without its matrix")
+        return recipes[0]
     if Path(shapes).is_dir():
         return for_data("meshes", {"folder": shapes}, registry, overrides)
-    raise UserError(f"'{shapes}' is neither a folder nor shapes that pcsr knows: {did_you_mean(shapes, names)}")
+    raise UserError(
+        f"'{shapes}' is neither a folder nor a recipe nor shapes that pcsr knows: {did_you_mean(shapes, names)}"
+    )
 
 
 def _print(console: "Console", folder: Path, manifest: dict[str, Any]) -> None:

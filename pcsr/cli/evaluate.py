@@ -37,6 +37,8 @@ def evaluate(
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
+    if "emd" not in values and not metrics:
+        click.echo(f"no emd: it needs clouds of one size, not {len(clouds[0])} and {len(clouds[1])} points", err=True)
     if plain:
         click.echo(json.dumps(values))
         return

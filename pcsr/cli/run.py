@@ -72,6 +72,11 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, dat
     if data is not None:
         manifest = read_manifest(data)
         recipes = [on_data(one, manifest, data, registry) for one in recipes]
+        console.print(
+            f"data: all but the number of touches is as {data} says, whatever the recipe's section data does",
+            markup=False,
+            soft_wrap=True,
+        )
     for one in recipes:
         results = run(one, registry, place, console)
         if results:  # one process of several has them

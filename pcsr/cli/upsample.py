@@ -19,7 +19,9 @@ PIPE = Path("-")
 @click.option("--points", "count", type=int, default=None, help="Points that come out, instead of a rate.")
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: tapsr]")
-@click.option("--mesh", type=FILE, default=None, help="Write a surface through the dense cloud too (extra [open3d]).")
+@click.option(
+    "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
+)
 @click.option("--replace", is_flag=True, help="Leave the old points out; all that come out are new.")
 @click.option(
     "--bad",
@@ -28,11 +30,22 @@ PIPE = Path("-")
     show_default=True,
     help="What to do with points that are not finite.",
 )
-@click.option("--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe.")
+@click.option(
+    "--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe: ply, xyz, csv, npy …"
+)
 @click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
-@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores, if it pays]")
+@click.option(
+    "--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores from 20,000 points on]"
+)
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
-@click.option("--plugin", "plugins", multiple=True, type=FILE, metavar="FILE", help="Parts that the weights need.")
+@click.option(
+    "--plugin",
+    "plugins",
+    multiple=True,
+    type=FILE,
+    metavar="FILE",
+    help="Parts that the weights need. May be repeated.",
+)
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def upsample(
     cloud: Path,
@@ -83,12 +96,12 @@ def upsample(
     )
     if given.about.get("dropped"):
         console.print(f"{given.about['dropped']} points were not finite and are left out", style="yellow")
-    touches = []
+    touches, recorded = [], 0
     if touch is not None:
         recording = read(touch)
-        touches = recording.touches
-        for name, reason in recording.skipped.items():
-            console.print(f"touch {name} is left out: {reason}", style="yellow", markup=False, soft_wrap=True)
+        touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
+        for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
+            click.echo(f"touch {name} is left out: {reason}", err=True)
     made = load(model, plugins=plugins, device=_device(device))
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", UserWarning)
@@ -113,7 +126,7 @@ def upsample(
     if mesh is not None:
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     seconds = time.perf_counter() - start
-    felt = f" and {len(touches)} touches" if touches else ""
+    felt = f" and {len(touches)} of {recorded} touches" if touches else ""
     console.print(
         f"{len(given.points)} points{felt} to {len(dense.points)} by {made.name} in {seconds:.1f} s: {out}",
         markup=False,

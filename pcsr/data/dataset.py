@@ -68,7 +68,8 @@ class Split:
         manifest = read_manifest(folder)
         if split not in manifest["splits"]:
             there = ", ".join(manifest["splits"]) or "none"
-            raise UserError(f"{folder} has no split '{split}' (it has: {there}): build it with `pcsr data make`")
+            why = manifest.get("empty", {}).get(split, "run `pcsr data make` to its end")
+            raise UserError(f"{folder} has no split '{split}' (it has: {there}): {why}")
         whole = cls([], [], [], [], [], [], [], {"fingerprint": manifest["fingerprint"], "rejected": {}})
         lists: dict[str, list[Any]] = {name: [] for name in ("names", "groups", "spheres", "felt", *CLOUDS)}
         for shard in manifest["splits"][split]["shards"]:

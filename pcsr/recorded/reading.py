@@ -43,12 +43,14 @@ class Recording:
     """What was left out, and why."""
 
 
-def read(folder: Path) -> Recording:
+def read(folder: Path | str) -> Recording:
     """Read a recording. A touch that cannot be used is left out, with the reason; the others are not the worse.
 
     Raises:
         UserError: the manifest is not there or has mistakes, or not one touch is of use; all the reasons.
     """
+    folder = Path(folder)
+    folder = folder.parent if folder.name == MANIFEST else folder
     path = folder / MANIFEST
     plain = _json(path)
     recording = Recording([], [], {})

@@ -38,7 +38,7 @@ def write(
     manifest = folder / MANIFEST
     old = _files_of(manifest)
     if old is not None and not overwrite:
-        raise UserError(f"{folder} holds a recording already: take another folder, or overwrite it")
+        raise UserError(f"{folder} holds a recording already: take another folder, or overwrite it (--overwrite)")
     units = sorted({float(touch.unit) for touch in touches})
     if len(units) != 1:
         raise UserError(f"{folder}: touches of one object have one unit, got {units} mm")

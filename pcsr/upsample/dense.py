@@ -67,7 +67,9 @@ def densify(
         raise UserError(f"all {n} points of the cloud lie on one spot, {cloud[0].tolist()}")
     new = count - n if keep else count
     if new < 0:
-        raise UserError(f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones")
+        raise UserError(
+            f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
+        )
     made: list[Cloud] = []
     while new > source.rate * n:  # in as many passes as it takes
         # Equal steps, each as large as the source can go.

@@ -73,7 +73,11 @@ def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, t
 @pytest.mark.parametrize(
     ("shapes", "setting", "said"),
     [
-        ("cad-part", "count=1", "'cad-part' is neither a folder nor shapes that pcsr knows: did you mean 'cad-parts'?"),
+        (
+            "cad-part",
+            "count=1",
+            "'cad-part' is neither a folder nor a recipe nor shapes that pcsr knows: did you mean 'cad-parts'?",
+        ),
         ("balls", "cuont=1", "--set cuont=1: shapes 'balls' takes no 'cuont': did you mean 'count'?"),
         ("balls", "points=4", "--set points=4: data.points: input should be greater than or equal to 16, got 4"),
         ("balls", "touch=tuoch", "there is no touch 'tuoch'"),
@@ -136,3 +140,17 @@ def test_info_finds_a_file_that_has_changed(data, tmp_path):
     done = data("info", tmp_path / "out")
     assert done.exit_code == 2
     assert "train-00000.safetensors is missing or has changed since it was built" in done.output
+
+
+def test_make_takes_the_data_of_a_recipe(data, tmp_path):
+    (tmp_path / "mine.yaml").write_text(
+        "name: mine\ndata: {shapes: {use: balls, count: 3}, touch: caps, touches: 2, points: 16, rate: 4}\n"
+    )
+    done = data("make", tmp_path / "mine.yaml", "-o", tmp_path / "out", settings=["rate=2"])
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["splits"]["train"]["objects"] == 3
+    assert "16 points to 32" in done.output
+    (tmp_path / "many.yaml").write_text("name: many\nmatrix: {data.touches: [0, 1]}\n")
+    many = data("make", tmp_path / "many.yaml", "-o", tmp_path / "other")
+    assert many.exit_code == 2
+    assert "many.yaml describes 2 runs" in many.output

@@ -112,7 +112,7 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches")
     assert (plain.exit_code, done.exit_code) == (0, 0), done.output
     assert "touch 1.ply is left out: " in done.output
-    assert "80 points and 1 touches to 160 by tapsr" in done.output
+    assert "80 points and 1 of 2 touches to 160 by tapsr" in done.output
     assert not np.array_equal(read_points(tmp_path / "plain.npy"), read_points(tmp_path / "out.npy"))
 
 
