@@ -19,25 +19,36 @@ from pcsr.upsample.candidates import Midpoints
 
 LOOKED_AT = 20_000
 """Points at which the density is measured."""
+OTHERS = (0.78, 0.9, 1.13, 1.29)
+"""Sizes of cells, relative to those of the patches, that no patch has anything to do with."""
 
 
 def seams(points: np.ndarray, dense: np.ndarray) -> float:
-    """Spacing of the dense cloud at the borders of cells over that in their middles; 1 where no border shows.
+    """How many more new points the borders of patches have than the middles; 1 where no border shows.
 
-    Both relative to the spacing of the given points there, as that may differ from place to place.
+    Points whose neighbours are in another cell lie in sparser places than others, whatever the cells are. So the
+    borders of the patches' own cells are compared with those of cells of other sizes.
     """
-    owner = np.zeros(len(points), np.int64)
-    for number, rows in enumerate(cells(points, Midpoints().size // 2)):
-        owner[rows] = number
-    places = dense[np.random.default_rng(0).choice(len(dense), min(LOOKED_AT, len(dense)), replace=False)]
-    distance, near = cKDTree(points).query(places, k=6)
-    at_border = (owner[near] != owner[near[:, :1]]).any(1)
-    ratio = cKDTree(dense).query(places, k=7)[0][:, 1:].mean(1) / np.maximum(distance.mean(1), 1e-12)
-    return float(np.median(ratio[at_border]) / np.median(ratio[~at_border]))
+    rows = np.random.default_rng(0).choice(len(points), min(LOOKED_AT, len(points)), replace=False)
+    given, made = cKDTree(points), cKDTree(dense)
+    distance, near = given.query(points[rows], k=7)
+    radius = 2 * distance[:, 1:].mean(1)
+    count = made.query_ball_point(points[rows], radius, return_length=True)
+    rate = count / given.query_ball_point(points[rows], radius, return_length=True)
+
+    def at_borders(size: int) -> float:
+        owner = np.zeros(len(points), np.int64)
+        for number, cell in enumerate(cells(points, size)):
+            owner[cell] = number
+        border = (owner[near] != owner[near[:, :1]]).any(1)
+        return float(rate[border].mean() / rate[~border].mean())
+
+    size = Midpoints().size // 2
+    return at_borders(size) / float(np.mean([at_borders(round(other * size)) for other in OTHERS]))
 
 
 if __name__ == "__main__":
-    table = Table("scan", "points", "model", "seconds", "new points a second", "peak MB", "spacing at seams")
+    table = Table("scan", "points", "model", "seconds", "new points a second", "peak MB", "density at seams")
     for path in map(Path, sys.argv[1:]):
         points = read_points(path)
         for model in ("tapsr", "midpoint"):
