@@ -42,3 +42,8 @@ def test_evaluate_names_what_it_does_not_know():
         evaluate(points, points, frame="both")
     with pytest.raises(UserError, match="needs the true mesh"):
         evaluate(points, points, metrics=["p2f"])
+
+
+def test_one_metric_may_be_named_alone():
+    points = cloud()
+    assert evaluate(points, points, metrics="cd") == {"cd": 0.0}

@@ -76,7 +76,6 @@ def upsample(
     from rich.console import Console
 
     from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, writable, write_cloud
-    from pcsr.library import load
     from pcsr.progress import progress_bars
     from pcsr.recorded import read
 
@@ -102,6 +101,8 @@ def upsample(
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
             click.echo(f"touch {name} is left out: {reason}", err=True)
+    from pcsr.library import load  # and torch with it: a mistake in a file is told without waiting for it
+
     made = load(model, plugins=plugins, device=_device(device))
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", UserWarning)

@@ -134,19 +134,43 @@ def farthest_points(
         return chosen
     by_place = np.lexsort(points.T[::-1])
     cloud = np.asarray(points, np.float64)[by_place]
-    x, y, z = np.ascontiguousarray((cloud - cloud.mean(0)).T, np.float32)
-    last = np.argmax(x * x + y * y + z * z) if start is None else np.flatnonzero(by_place == start)[0]
+    gaps = Gaps(cloud, np.full(n, np.inf, np.float32))
+    last = gaps.farthest_from_middle if start is None else int(np.flatnonzero(by_place == start)[0])
     chosen[0] = last
-    nearest = np.full(n, np.inf, np.float32)
-    distance, term = np.zeros(n, np.float32), np.zeros(n, np.float32)
     for i in range(1, count):
-        np.subtract(x, x[last], out=distance)
-        np.multiply(distance, distance, out=distance)
-        for axis in (y, z):
-            np.subtract(axis, axis[last], out=term)
-            np.multiply(term, term, out=term)
-            np.add(distance, term, out=distance)
-        np.minimum(nearest, distance, out=nearest)
-        nearest[last] = -1  # never twice, even where all that is left coincides with chosen ones
-        last = chosen[i] = nearest.argmax()
+        last = chosen[i] = gaps.take(last)
     return by_place[chosen]
+
+
+class Gaps:
+    """How far each point of a cloud is from all that were taken: the inner loop of farthest point sampling."""
+
+    def __init__(self, cloud: Float[np.ndarray, "n 3"], squared: Float[np.ndarray, " n"]) -> None:
+        """Begin.
+
+        Args:
+            cloud: the points, in any frame; their differences are looked at in single precision.
+            squared: of each point to what is taken before the first; it is changed.
+        """
+        self._axes = np.ascontiguousarray((cloud - cloud.mean(0)).T, np.float32)
+        self.squared = squared
+        self._distance, self._term = np.zeros((2, len(cloud)), np.float32)
+
+    @property
+    def farthest_from_middle(self) -> int:
+        """The point that is farthest from the cloud's mean."""
+        x, y, z = self._axes
+        return int(np.argmax(x * x + y * y + z * z))
+
+    def take(self, last: int) -> int:
+        """Take a point; the one that is then farthest from all taken ones."""
+        distance, term = self._distance, self._term
+        for number, axis in enumerate(self._axes):
+            into = term if number else distance
+            np.subtract(axis, axis[last], out=into)
+            np.multiply(into, into, out=into)
+            if number:
+                np.add(distance, term, out=distance)
+        np.minimum(self.squared, distance, out=self.squared)
+        self.squared[last] = -1  # never twice, even where all that is left coincides with taken ones
+        return int(self.squared.argmax())

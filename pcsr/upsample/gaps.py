@@ -4,6 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from pcsr.geometry.sampling import Gaps
+
 NEIGHBOURS = 6
 """A point's spacing is the mean distance to so many neighbours."""
 LONELY = 2.0
@@ -56,28 +58,19 @@ def spread_out(
     chosen: list[int] = []
     if count == 0:
         return np.array(chosen, np.int64)
-    middle = candidates.mean(0)
-    x, y, z = np.ascontiguousarray((candidates - middle).T, np.float32)
     if len(known):
-        gap = (cKDTree(known).query(candidates)[0] ** 2).astype(np.float32)
-    else:  # the one farthest from the middle is first
-        gap = np.full(len(candidates), np.finfo(np.float32).max)
-        gap[(x * x + y * y + z * z).argmax()] = np.inf
-    distance, term = np.zeros_like(x), np.zeros_like(x)
+        squared = cKDTree(known).query(candidates)[0] ** 2
+        gaps = Gaps(candidates, squared.astype(np.float32))
+        last = int(gaps.squared.argmax())
+    else:
+        gaps = Gaps(candidates, np.full(len(candidates), np.inf, np.float32))
+        last = gaps.farthest_from_middle
     while True:
-        last = int(gap.argmax())
         if mine[last]:
             chosen.append(last)
             if len(chosen) == count:
                 return np.array(chosen, np.int64)
-        np.subtract(x, x[last], out=distance)
-        np.multiply(distance, distance, out=distance)
-        for axis in (y, z):
-            np.subtract(axis, axis[last], out=term)
-            np.multiply(term, term, out=term)
-            np.add(distance, term, out=distance)
-        np.minimum(gap, distance, out=gap)
-        gap[last] = -1  # never twice
+        last = gaps.take(last)
 
 
 def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np.ndarray, "count 3"]:
@@ -85,6 +78,8 @@ def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np
 
     Never farther from a point than its spacing, nor half the way to its neighbour.
     """
+    if count == 0:
+        return np.zeros((0, 3))
     k = min(NEIGHBOURS + 1, len(points))
     nearest = cKDTree(points).query(points[:core], k=k)[1][:, 1:]
     limit = spacing(points)[:core]
@@ -95,7 +90,7 @@ def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np
         length = np.linalg.norm(way, axis=1)
         share = np.minimum(fraction, np.divide(REACH * limit, length, out=np.ones(core), where=length > 0))
         made.append(points[:core] + way * share[:, None])
-    return np.concatenate(made)[:count] if made else np.zeros((0, 3))
+    return np.concatenate(made)[:count]
 
 
 def _spread_fraction(turn: int) -> float:

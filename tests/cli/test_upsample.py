@@ -192,3 +192,28 @@ def test_evaluate_prints_every_metric_with_its_convention(tmp_path):
     wrong = run("evaluate", tmp_path / "made.ply", tmp_path / "none.ply")
     assert wrong.exit_code == 2
     assert "none.ply" in wrong.output
+
+
+def test_a_file_in_single_precision_stays_one(tmp_path):
+    trimesh.PointCloud(bowl()).export(tmp_path / "in.ply")
+    assert run("upsample", tmp_path / "in.ply", "-o", tmp_path / "out.ply", "--model", "midpoint").exit_code == 0
+    assert b"property float x" in (tmp_path / "out.ply").read_bytes()[:300]
+    np.testing.assert_array_equal(read_points(tmp_path / "out.ply")[:80], read_points(tmp_path / "in.ply"))
+
+
+def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path):
+    write(tmp_path / "touches", [Touch.of_one_finger(read_points(scan)[:40], None, 1000.0, "digit")] * 2)
+    (tmp_path / "touches" / "1.ply").write_text("noise")
+    command = ("upsample", scan, "-o", tmp_path / "out.ply", "--touch", tmp_path / "touches", "--model", "midpoint")
+    done = run(*command, "--quiet")
+    assert done.exit_code == 0, done.output
+    assert done.output.startswith("touch 1.ply is left out: ")
+    assert len(done.output.strip().splitlines()) == 1
+
+
+def test_evaluate_says_why_there_is_no_emd(tmp_path):
+    write_points(tmp_path / "a.ply", bowl(40))
+    write_points(tmp_path / "b.ply", bowl(30))
+    told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
+    assert told.exit_code == 0
+    assert "no emd: it needs clouds of one size, not 40 and 30 points" in told.output

@@ -221,3 +221,9 @@ def test_a_kill_in_the_middle_then_the_same_command_gives_the_same_bytes(world, 
         assert process.wait(timeout=120) == 0
     whole, killed = files(tmp_path / "whole"), files(tmp_path / "killed")
     assert {name: data for name, data in killed.items() if not name.startswith(".")} == whole
+
+
+def test_a_split_that_nobody_built_says_why(recipe, registry, tmp_path):
+    build_split(Plan.of(recipe("count=2"), registry), "train", tmp_path, ALONE)
+    with pytest.raises(UserError, match=r"no split 'test' \(it has: train\): shapes 'balls' have no object"):
+        Split.load(tmp_path, "test")

@@ -476,3 +476,9 @@ def test_a_folder_that_is_a_file_is_named(tmp_path):
     for overwrite in (False, True):
         with pytest.raises(UserError, match="file is a file: a recording is a folder"):
             write(tmp_path / "file", [one_touch()], overwrite=overwrite)
+
+
+def test_a_recording_is_found_by_text_and_by_its_manifest_too(tmp_path):
+    write(tmp_path, [one_touch()])
+    for place in (str(tmp_path), tmp_path / MANIFEST, str(tmp_path / MANIFEST)):
+        assert np.array_equal(read(place).touches[0].points, read(tmp_path).touches[0].points)
