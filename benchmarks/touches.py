@@ -31,14 +31,18 @@ def felt(digit: Digit, items: list[Item], count: int) -> Iterator[tuple[Item, li
             yield item, None
 
 
-def covered(digit: Digit, items: list[Item]) -> tuple[list[str], int]:
-    """Median share of the surface that 1 to 5 touches cover, and the number of objects that were refused."""
-    rows = [
-        None if touches is None else [coverage(touches[:k], item.mesh.area) for k in range(1, 6)]
-        for item, touches in felt(digit, items, 5)
-    ]
-    kept = [row for row in rows if row is not None]
-    return [f"{share:.2%}" for share in np.median(kept, axis=0)], len(rows) - len(kept)
+def covered(digit: Digit, items: list[Item]) -> tuple[list[str], str, str]:
+    """Median share of the surface that 1 to 5 touches cover; their contacts; how many objects were refused."""
+    kept = [(item, touches) for item, touches in felt(digit, items, 5) if touches]
+    shares = [[coverage(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]
+    median = [f"{share:.2%}" for share in np.median(shares, axis=0)]
+    return median, contacts([touches for _, touches in kept]), str(len(items) - len(kept))
+
+
+def contacts(found: list[list[Touch]]) -> str:
+    """Contact in mm², at 10, 50 and 90 %."""
+    areas = [touch.contact_area or 0.0 for touches in found for touch in touches]
+    return " / ".join(f"{area:.0f}" for area in np.percentile(areas, (10, 50, 90)))
 
 
 if __name__ == "__main__":
@@ -48,19 +52,18 @@ if __name__ == "__main__":
         "sensor", "at 60 mm", "at 320 mm", title="contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"
     )
     for sensor in SENSORS:
-        cells = []
-        for size in (60.0, 320.0):
-            found = felt(Digit(sensor=sensor, object_size=size), parts[:24], 2)
-            areas = [touch.contact_area or 0.0 for _, touches in found if touches for touch in touches]
-            cells.append(" / ".join(f"{area:.0f}" for area in np.percentile(areas, (10, 50, 90))))
-        table.add_row(sensor, *cells)
+        digits = [Digit(sensor=sensor, object_size=size) for size in (60.0, 320.0)]
+        found = [[touches for _, touches in felt(digit, parts[:24], 2) if touches] for digit in digits]
+        table.add_row(sensor, *map(contacts, found))
     Console().print(table)
     table = Table("policy", *(str(k) for k in range(1, 6)), title="median share covered by 1 to 5 touches at 60 mm")
     for policy in POLICIES:
         table.add_row(policy, *covered(Digit(policy=policy), parts)[0])
     Console().print(table)
-    table = Table("longest side", *(str(k) for k in range(1, 6)), "refused", title="median share covered, digit")
+    table = Table(
+        "longest side", *(str(k) for k in range(1, 6)), "contact in mm²", "refused", title="median share covered, digit"
+    )
     for size in SIZES:
-        shares, refused = covered(Digit(object_size=size), parts)
-        table.add_row(f"{size:.0f} mm", *shares, str(refused))
+        shares, contact, refused = covered(Digit(object_size=size), parts)
+        table.add_row(f"{size:.0f} mm", *shares, contact, refused)
     Console().print(table)
