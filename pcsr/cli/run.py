@@ -58,6 +58,7 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, dat
     What is done already is not done again: training goes on from its last checkpoint, and is skipped where finished
     weights of exactly this recipe exist. A recipe with a matrix runs row by row.
     """
+    import torch
     from rich.console import Console
 
     from pcsr import report
@@ -82,3 +83,6 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, runs: Path, dat
         if results:  # one process of several has them
             console.print(report.table(results))
             console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True)
+    if torch.distributed.is_available() and torch.distributed.is_initialized():
+        # Left to the end of the process, its threads may still run then, and it would abort.
+        torch.distributed.destroy_process_group()
