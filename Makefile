@@ -16,7 +16,7 @@ check: .venv/.installed
 	$(BIN)/mypy
 
 bench: .venv/.installed
-	PYTHONPATH=benchmarks $(BIN)/python -m pytest $(or $(ARGS),benchmarks) --benchmark-columns=mean,stddev,rounds --benchmark-verbose --benchmark-min-rounds=3
+	JAXTYPING_DISABLE=1 PYTHONPATH=benchmarks $(BIN)/python -m pytest $(or $(ARGS),benchmarks) --benchmark-columns=mean,stddev,rounds --benchmark-verbose --benchmark-min-rounds=3
 
 # pip 25.1 is the first that reads [dependency-groups].
 .venv/.installed: pyproject.toml constraints.txt

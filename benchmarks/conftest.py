@@ -1,0 +1,65 @@
+"""One table at the end of `make bench`: what is measured, ours, the usual way, and the limit.
+
+A line of the table is a group of benchmarks. Each says its role:
+
+    ours    what pcsr does
+    usual   what one would write without it
+    limit   the work that cannot be saved
+
+Times are the least of the rounds: what else the machine does makes a round longer, never shorter.
+"""
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+ROLES = ("ours", "usual", "limit")
+
+
+@pytest.fixture
+def line(benchmark):
+    """Put a benchmark into a line of the table: `line(what, role, asked=…, says=…)`."""
+
+    def put(what, role="ours", asked="", says=""):
+        assert role in ROLES
+        benchmark.group = what
+        benchmark.extra_info |= {"role": role, "asked": asked, "says": says}
+
+    return put
+
+
+def pytest_terminal_summary(config):
+    session = getattr(config, "_benchmarksession", None)
+    lines: dict[str, dict] = {}
+    for made in session.benchmarks if session else ():
+        if made.has_error or "role" not in made.extra_info:
+            continue
+        line = lines.setdefault(made.group, {"asked": "", "says": []})
+        line[made.extra_info["role"]] = made.stats.min
+        line["asked"] = made.extra_info["asked"] or line["asked"]
+        line["says"] += [made.extra_info["says"]] if made.extra_info["says"] else []
+    if lines:
+        Console(width=160).print(_table(lines))
+
+
+def _table(lines):
+    table = Table(title="ours, the usual way and the limit: seconds, least of the rounds", show_lines=True)
+    for column in ("what", "ours", "usual", "usual ÷ ours", "limit", "ours ÷ limit", "asked", "also"):
+        table.add_column(column, justify="left" if column in ("what", "asked", "also") else "right")
+    for what, line in lines.items():
+        ours, usual, limit = (line.get(role) for role in ROLES)
+        table.add_row(
+            what,
+            _seconds(ours),
+            _seconds(usual),
+            f"{usual / ours:.1f}" if ours and usual else "",
+            _seconds(limit),
+            f"{ours / limit:.2f}" if ours and limit else "",
+            line["asked"],
+            "\n".join(line["says"]),
+        )
+    return table
+
+
+def _seconds(value):
+    return "" if value is None else f"{value:.3g}"

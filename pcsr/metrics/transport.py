@@ -1,0 +1,139 @@
+"""Optimal transport of one large cloud to another: a sparse problem, made larger until its solution is proven.
+
+Every point has the same mass, so the cheapest plan is an assignment (points that coincide are one of more mass, which
+changes nothing but the time). Of the n² pairs very few are of use. Which ones, prices tell: by duality, if u[i] + v[j]
+never exceeds the distance of i and j, no plan costs less than all masses times their prices, and a pair whose distance
+exceeds u[i] + v[j] by much is in no good plan.
+
+First prices come from a small problem, the centroids of small cells of both clouds. Then the network simplex of POT
+(Bonneel et al., ACM TOG 30, 2011) solves the pairs that look best, and its prices are held against all pairs. Where
+they are too high, pairs are missing, and are added.
+"""
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+
+from pcsr.geometry.patches import cells
+
+CELL = 8
+"""Points of a cell of the small problem: larger ones give worse first prices, smaller ones a larger problem."""
+FIRST, MORE = 16, 8
+"""Pairs of each point: in the first sparse problem, from both sides, and added in each round."""
+BLOCK = 32
+"""Points whose distances to all others are held in memory at once."""
+PIVOTS = 10**9
+"""Steps of the network simplex: no limit in practice."""
+
+Cloud = Float[np.ndarray, "n 3"]
+Prices = Float[np.ndarray, " n"]
+Counts = Int[np.ndarray, " n"]
+Other = Float[np.ndarray, "m 3"]
+OtherPrices = Float[np.ndarray, " m"]
+OtherCounts = Int[np.ndarray, " m"]
+Pairs = Int[np.ndarray, " pairs"]
+
+
+def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
+    """Mean distance of a one-to-one assignment of a to b that is proven to be near the best. On one thread.
+
+    Args:
+        a: finite points.
+        b: as many.
+        tolerance: how much the mean distance may exceed the proven bound, as a part of itself.
+
+    Returns:
+        The mean distance, and the lower bound on that of any assignment.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # steps are short: where anything else runs, threads would wait for one another
+    try:
+        return _mean_distance(a, b, tolerance)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
+    extent = float(np.linalg.norm(np.ptp(np.concatenate([a, b]), axis=0)))
+    centres, prices = _prices_of_cells(a, b)
+    a, count_a = np.unique(a, axis=0, return_counts=True)
+    b, count_b = np.unique(b, axis=0, return_counts=True)
+    v, _ = _cheapest(b, centres, prices, 1)  # the highest that the prices of a's cells allow
+    u, pairs_of_a = _cheapest(a, b, v, FIRST)
+    _, pairs_of_b = _cheapest(b, a, u, FIRST)
+    j, i = np.divmod(pairs_of_b, len(a))
+    pairs = np.concatenate([_some_plan(count_a, count_b), pairs_of_a, i * len(b) + j])
+    while True:
+        pairs = np.unique(pairs)
+        mean, u, v = _solve(a, count_a, b, count_b, pairs)
+        allowed, more = _cheapest(a, b, v, MORE, u)
+        bound = float((allowed @ count_a + v @ count_b) / count_a.sum())
+        if mean - bound <= tolerance * mean + 1e-12 * extent:
+            return mean, bound
+        pairs = np.concatenate([pairs, more])
+
+
+def _cells(cloud: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
+    """Centroids of small cells, and the share of the points in each."""
+    rows = list(cells(cloud, CELL))
+    centres = np.stack([cloud[some].mean(0) for some in rows])
+    return centres, np.array([len(some) / len(cloud) for some in rows])
+
+
+def _some_plan(count_a: Counts, count_b: OtherCounts) -> Pairs:
+    """The pairs of a plan, however bad: so that there always is one. Both clouds are laid end to end and cut."""
+    ends_a, ends_b = np.cumsum(count_a), np.cumsum(count_b)
+    cuts = np.union1d(ends_a, ends_b)
+    return np.searchsorted(ends_a, cuts) * len(count_b) + np.searchsorted(ends_b, cuts)
+
+
+def _prices_of_cells(a: Cloud, b: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
+    """Centroids of a's cells, and their prices in the best plan to those of b's."""
+    import ot  # takes a second
+
+    (centres, shares), (centres_b, shares_b) = (_cells(cloud) for cloud in (a, b))
+    cost = np.linalg.norm(centres[:, None] - centres_b, axis=2)
+    log = ot.emd(shares, shares_b, cost, numItermax=PIVOTS, log=True, center_dual=False)[1]
+    return centres, np.asarray(log["u"])
+
+
+def _solve(
+    a: Cloud, count_a: Counts, b: Other, count_b: OtherCounts, pairs: Pairs
+) -> tuple[float, Prices, OtherPrices]:
+    """The mean distance of the best plan that uses these pairs alone, and the prices u and v that prove it."""
+    import ot
+
+    i, j = np.divmod(pairs, len(b))
+    cost = coo_array((np.linalg.norm(a[i] - b[j], axis=1), (i, j)), shape=(len(a), len(b)))
+    shares = (count / count.sum() for count in (count_a, count_b))
+    log = ot.emd(*shares, cost, numItermax=PIVOTS, log=True, center_dual=False)[1]
+    return float(log["cost"]), log["u"], log["v"]
+
+
+def _cheapest(a: Cloud, b: Other, v: OtherPrices, count: int, u: Prices | None = None) -> tuple[Prices, Pairs]:
+    """For each point of a the least distance − v, and pairs with the up to `count` points of b where it is least.
+
+    With u, each point of b that some point of a would pay more for than their distance is paired with the one that
+    would pay most: that helps where many points of a are alike, and all are cheapest with the same points of b.
+    """
+    count = min(count, len(b))
+    points, others, prices = (torch.from_numpy(array) for array in (a, b, v))
+    # Made at once: small arrays that stay, between the large ones that go, would keep the memory of all of them.
+    least = torch.zeros(len(a), dtype=torch.float64)
+    partners = torch.zeros((len(a), count), dtype=torch.int64)
+    gain = torch.zeros(len(b), dtype=torch.float64)
+    winner = torch.zeros(len(b), dtype=torch.int64)
+    for start in range(0, len(a), BLOCK):
+        rows = slice(start, start + BLOCK)
+        cost = torch.cdist(points[rows], others, compute_mode="donot_use_mm_for_euclid_dist").sub_(prices)
+        values, partners[rows] = cost.topk(count, largest=False)
+        least[rows] = values[:, 0]
+        if u is not None:
+            lowest = cost.sub_(torch.from_numpy(u[rows, None])).amin(0)
+            new = torch.nonzero(lowest < gain)[:, 0]
+            gain[new] = lowest[new]
+            winner[new] = cost[:, new].argmin(0) + start
+    won = torch.nonzero(gain)[:, 0]
+    pairs = [(torch.arange(len(a))[:, None] * len(b) + partners).flatten(), winner[won] * len(b) + won]
+    return least.numpy(), torch.cat(pairs).numpy()
