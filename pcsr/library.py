@@ -20,7 +20,6 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
-from pcsr.recorded import read
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
 
@@ -211,12 +210,15 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
 def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "_ 3"]]:
     """The points of each touch, in the cloud's frame."""
     if isinstance(touches, str | Path):
+        from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
+
         touches = read(Path(touches)).touches
     felt = [np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).points) for touch in touches]
     if not felt:
         return []
     middle = cloud.mean(0)
     radius = float(np.linalg.norm(cloud - middle, axis=1).max())
+    tree = cKDTree(cloud)
     for number, touch in enumerate(felt):
         if len(touch) == 0 or not np.isfinite(touch).all():
             raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
@@ -227,7 +229,7 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
                 f"touch {number} is {2 * own:.4g} across and lies {max(away, 0.0):.4g} away from the cloud, which is "
                 f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
             )
-        apart = float(cKDTree(touch).query(cloud)[0].min())
+        apart = float(tree.query(touch)[0].min())
         if apart > OFF * radius:
             warnings.warn(
                 f"touch {number} lies {apart:.4g} away from the nearest point of the cloud, which is {2 * radius:.4g} "

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
 from pcsr.errors import UserError
-from pcsr.geometry.sampling import farthest_points
+from pcsr.geometry.farthest import farthest_points
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints

@@ -1,6 +1,8 @@
 """pcsr from Python: clouds of every kind in, clouds of that kind out; models by name, folder and file; metrics."""
 
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -166,6 +168,14 @@ def test_a_folder_without_weights_is_named(tmp_path):
         load(tmp_path)
 
 
+def test_a_touch_is_as_far_away_as_the_points_nearest_to_each_other(interpolation):
+    points = cloud()
+    lifted = points[:10] + np.array([0, 0, 0.3])
+    apart = cKDTree(lifted).query(points)[0].min()
+    with pytest.warns(UserWarning, match=f"touch 1 lies {apart:.4g} away"):
+        interpolation.upsample(points, [points[20:25], lifted])
+
+
 def test_a_device_that_is_not_there_is_named():
     with pytest.raises(UserError, match="device 'nonsense' cannot be used"):
         load("tapsr", device="nonsense")
@@ -177,3 +187,10 @@ def test_everything_is_at_the_top():
     assert callable(pcsr.graft)
     values = pcsr.metrics.chamfer(torch.rand(3, 20, 3), torch.rand(3, 30, 3))
     assert values.shape == (3,)
+
+
+def test_a_model_is_loaded_without_what_few_need():
+    unneeded = ["pcsr.recorded", "pcsr.report", "lightning", "plotly", "onnx", "torch._dynamo"]
+    script = f"import sys, pcsr; pcsr.load(); print([name for name in {unneeded} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -77,7 +77,6 @@ def upsample(
 
     from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, writable, write_cloud
     from pcsr.progress import progress_bars
-    from pcsr.recorded import read
 
     start = time.perf_counter()
     if mesh is not None:
@@ -97,6 +96,8 @@ def upsample(
         console.print(f"{given.about['dropped']} points were not finite and are left out", style="yellow")
     touches, recorded = [], 0
     if touch is not None:
+        from pcsr.recorded import read
+
         recording = read(touch)
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
@@ -107,17 +108,19 @@ def upsample(
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", UserWarning)
         task = progress.add_task("upsampling", total=len(given.points))
-        new = made.new_points(
-            given.points,
-            touches,
-            rate,
-            count=count,
+        dense = given.with_new(  # straight from hand to hand, so that nobody holds the new points twice
+            made.new_points(
+                given.points,
+                touches,
+                rate,
+                count=count,
+                keep=not replace,
+                jobs=jobs or _jobs(len(given.points), device),
+                scheduler=scheduler,
+                advance=lambda done, total: progress.update(task, completed=done, total=total),
+            ),
             keep=not replace,
-            jobs=jobs or _jobs(len(given.points), device),
-            scheduler=scheduler,
-            advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
-        dense = given.with_new(new, keep=not replace)
     for one in said:
         console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     if out == PIPE:

@@ -13,8 +13,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from pcsr.data.dataset import Split
+from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
-from pcsr.geometry.sampling import farthest_points
 
 EVEN = 0.5
 """Share of the redrawn clouds that are evenly spaced."""

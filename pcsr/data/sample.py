@@ -12,8 +12,9 @@ from scipy.spatial import KDTree
 from pcsr.contracts import Item, TouchSource
 from pcsr.data.view import seen_points
 from pcsr.errors import UserError
+from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
-from pcsr.geometry.sampling import CANDIDATES, farthest_points, poisson_points, poisson_subset, surface_points
+from pcsr.geometry.sampling import CANDIDATES, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
 
 FAR = 0.25
@@ -65,11 +66,10 @@ def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed:
         )
     sphere = UnitSphere.fit(truth)
     surface = KDTree(truth)
-    gap = float(surface.query(truth, k=2)[0][:, 1].mean()) / sphere.radius  # a truth of few points has wide gaps
     for number, touch in enumerate(felt):
         finite = bool(np.isfinite(touch.points).all())
         away = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
-        if away > max(FAR, 3 * gap):
+        if away > FAR and away > 3 * _gap(surface) / sphere.radius:  # a truth of few points has wide gaps
             raise UserError(
                 f"{item.name}: touch {number} lies {away:.3g} radii off the surface, or is not finite: its source "
                 f"gives it in another unit or frame"
@@ -103,11 +103,17 @@ def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray,
     for touch in touches:
         tree = KDTree(np.unique(touch, axis=0))  # where a touch had too few points they are repeated
         if tree.n > 1:
-            spacing = tree.query(tree.data, k=2)[0][:, 1].mean()
-            distance, _ = tree.query(truth, distance_upper_bound=NEAR * spacing)
-            felt |= np.isfinite(distance)
+            reach = NEAR * _gap(tree)
+            # Most of the truth is far from a touch: what a box tells need not be asked.
+            around = ((truth >= tree.mins - reach) & (truth <= tree.maxes + reach)).all(1)
+            felt[around] |= np.isfinite(tree.query(truth[around], distance_upper_bound=reach)[0])
         shares.append(float(felt.mean()))
     return tuple(shares)
+
+
+def _gap(tree: KDTree) -> float:
+    """Mean distance from a point to its nearest."""
+    return float(tree.query(tree.data, k=2)[0][:, 1].mean())
 
 
 def _truth(mesh: trimesh.Trimesh, data: Data, rng: np.random.Generator) -> Float[np.ndarray, "g 3"]:

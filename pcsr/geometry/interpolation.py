@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pcsr.errors import UserError
-from pcsr.geometry.sampling import farthest_points
+from pcsr.geometry.farthest import farthest_points
 
 
 def midpoint(points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 1) -> Float[np.ndarray, "rn 3"]:

@@ -82,7 +82,8 @@ def cells(points: Float[np.ndarray, "n 3"], most: int) -> Iterator[Int[np.ndarra
         if count <= 1:
             yield rows
             continue
-        along = points[rows] @ principal_axes(points[rows])[:, 0]
+        here = points[rows]
+        along = here @ principal_axes(here)[:, 0]
         split = len(rows) * (count // 2) // count
         order = np.argpartition(along, split)
         waiting += [rows[order[split:]], rows[order[:split]]]

@@ -106,16 +106,17 @@ class MeshRays:
         """
         faces = self._scene.run(starts.astype(np.float32), np.ascontiguousarray(directions, np.float32))
         hit = np.flatnonzero(faces >= 0)
-        faces, along = faces[hit], directions[hit]
+        # `take` gathers rows several times as fast as an index in brackets.
+        faces, along = faces.take(hit), directions.take(hit, 0)
         # Embree is float32. The triangle's plane gives the depth in float64.
-        corner, normals = self._corners[faces] - starts[hit], self._normals[faces]
+        corner, normals = self._corners.take(faces, 0) - starts.take(hit, 0), self._normals.take(faces, 0)
         steepness, square = _dot(normals, along), _dot(along, along)
         found = _dot(corner, normals) / np.where(np.abs(steepness) > 1e-12, steepness, 1e-12)
         # On a wall seen nearly edge-on the plane alone may lead far off the triangle: there its corners bound it.
         edge_on = np.flatnonzero(steepness**2 < EDGE_ON**2 * square)
-        faces, along, square = faces[edge_on], along[edge_on], square[edge_on]
-        a = _dot(corner[edge_on], along) / square
-        b, c = (a + _dot(edge[faces], along) / square for edge in self._edges)
+        faces, along, square = faces[edge_on], along.take(edge_on, 0), square[edge_on]
+        a = _dot(corner.take(edge_on, 0), along) / square
+        b, c = (a + _dot(edge.take(faces, 0), along) / square for edge in self._edges)
         found[edge_on] = np.clip(found[edge_on], np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c))
         depths = np.full(len(starts), np.inf)
         depths[hit] = found

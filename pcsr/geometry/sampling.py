@@ -1,4 +1,4 @@
-"""Drawing points: from a surface, evenly or not, and from a cloud."""
+"""Drawing points from a surface, evenly or not; and an even part of a cloud."""
 
 import math
 
@@ -15,6 +15,8 @@ SURPLUS = 0.005
 """The radius of a blue-noise cloud is good enough when at most this part of its points is too many."""
 TRIALS = 30
 """Radii tried for that."""
+FEW, CLOSE = 20, 0.03
+"""How far apart points are is guessed from one in so many, and known to be within this part of the guess."""
 
 
 def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
@@ -66,11 +68,11 @@ def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.
     kept = np.arange(n)
     if count == n or count == 0:
         return kept[:count]
-    tree = cKDTree(points)
+    darts = _Darts(points, rank)
     low, high = 0.0, math.inf
-    radius = _likely_radius(tree, count)
+    radius = darts.likely_radius(count)
     for _ in range(TRIALS):
-        trial = _throw(tree, rank, radius)
+        trial = darts.throw(radius)
         if len(trial) < count:
             high = radius
         else:
@@ -83,94 +85,66 @@ def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.
     return kept[np.argsort(rank[kept])[:count]]
 
 
-def _likely_radius(tree: cKDTree, count: int) -> float:
-    """About the right radius on an evenly sampled surface; elsewhere a start."""
-    k = min(tree.n // count, 16)
-    gap = tree.query(tree.data, k=[k + 1])[0]
-    typical = np.median(gap) or gap.mean() or np.ptp(tree.data, axis=0).max() / tree.n
-    return float(1.4 * typical * (tree.n / count / k) ** 0.5)
+class _Darts:
+    """Darts that are thrown at one cloud with several radii: its pairs are looked for once, at the widest."""
 
+    def __init__(self, points: Float[np.ndarray, "n 3"], rank: Int[np.ndarray, " n"]) -> None:
+        self._tree, self._rank = cKDTree(points, balanced_tree=False), rank
+        self._widest = -math.inf
 
-def _throw(tree: cKDTree, rank: Int[np.ndarray, " n"], radius: float) -> Int[np.ndarray, " kept"]:
-    """The points that survive at one radius, whatever the order in which the pairs are looked at."""
-    pairs = tree.query_pairs(radius, output_type="ndarray")
-    first = np.where(rank[pairs[:, 0]] < rank[pairs[:, 1]], pairs[:, 0], pairs[:, 1])
-    second = pairs.sum(1) - first
-    alive = np.ones(len(rank), bool)
-    while len(first):
-        # A point that nobody alive outranks stays, and those that it outranks go.
-        outranked = np.zeros(len(rank), bool)
-        outranked[second] = True
-        alive[second[~outranked[first]]] = False
-        undecided = alive[first] & alive[second]
-        first, second = first[undecided], second[undecided]
-    return np.flatnonzero(alive)
+    def throw(self, radius: float) -> Int[np.ndarray, " kept"]:
+        """The points that survive at one radius, whatever the order in which the pairs are looked at."""
+        first, second = self._pairs(radius)
+        alive = np.ones(len(self._rank), bool)
+        while len(first):
+            # A point that nobody alive outranks stays, and those that it outranks go.
+            outranked = np.zeros(len(alive), bool)
+            outranked[second] = True
+            alive[second[~outranked[first]]] = False
+            undecided = alive[first] & alive[second]
+            first, second = first[undecided], second[undecided]
+        return np.flatnonzero(alive)
 
+    def likely_radius(self, count: int) -> float:
+        """About the right radius on an evenly sampled surface; elsewhere a start."""
+        tree = self._tree
+        k = min(tree.n // count, 16)
+        wider = 1.4 * (tree.n / count / k) ** 0.5
+        typical = self._median_gap(k, wider)
+        if typical is None:
+            gap = tree.query(tree.data, k=[k + 1])[0]
+            typical = np.median(gap) or gap.mean() or np.ptp(tree.data, axis=0).max() / tree.n
+        return float(wider * typical)
 
-def farthest_points(
-    points: Float[np.ndarray, "n 3"], count: int, start: int | None = None
-) -> Int[np.ndarray, " count"]:
-    """Farthest point sampling: each point the one farthest from all before it.
+    def _median_gap(self, k: int, wider: float) -> float | None:
+        """The distance that half of the points have to their k-th neighbour, where a few tell nearly what it is.
 
-    Which points are chosen does not depend on their order: the first is the one farthest from the centroid,
-    and of equally far ones the first by x, then y, then z is taken. Distances are compared in float32, after
-    the centroid was subtracted.
-
-    Args:
-        points: a cloud; points may coincide.
-        count: how many to choose.
-        start: index of the first; by default the point farthest from the centroid.
-
-    Raises:
-        UserError: there are fewer than `count` points, or no point `start`.
-    """
-    n = len(points)
-    if not 0 <= count <= n:
-        raise UserError(f"{count} points were asked of a cloud of {n}: ask for fewer")
-    if start is not None and not 0 <= start < n:
-        raise UserError(f"farthest points cannot start at point {start} of a cloud of {n}")
-    chosen = np.zeros(count, np.int64)
-    if count == 0:
-        return chosen
-    by_place = np.lexsort(points.T[::-1])
-    cloud = np.asarray(points, np.float64)[by_place]
-    gaps = Gaps(cloud, np.full(n, np.inf, np.float32))
-    last = gaps.farthest_from_middle if start is None else int(np.flatnonzero(by_place == start)[0])
-    chosen[0] = last
-    for i in range(1, count):
-        last = chosen[i] = gaps.take(last)
-    return by_place[chosen]
-
-
-class Gaps:
-    """How far each point of a cloud is from all that were taken: the inner loop of farthest point sampling."""
-
-    def __init__(self, cloud: Float[np.ndarray, "n 3"], squared: Float[np.ndarray, " n"]) -> None:
-        """Begin.
-
-        Args:
-            cloud: the points, in any frame; their differences are looked at in single precision.
-            squared: of each point to what is taken before the first; it is changed.
+        Then only those are asked for theirs that may be in the middle. The pairs show which: they are looked for as
+        widely as they will be needed, `wider` times as far.
         """
-        self._axes = np.ascontiguousarray((cloud - cloud.mean(0)).T, np.float32)
-        self.squared = squared
-        self._distance, self._term = np.zeros((2, len(cloud)), np.float32)
+        tree = self._tree
+        guess = np.median(tree.query(tree.data[::FEW], k=[k + 1])[0])
+        if not 0 < guess < math.inf:
+            return None
+        low, high = (1 - CLOSE) * guess, (1 + CLOSE) * guess
+        self._look(wider * high)
+        less, enough = (np.bincount(np.concatenate(self._pairs(at)), minlength=tree.n) >= k for at in (low, high))
+        gap = np.where(less, 0.0, math.inf)
+        middle = np.flatnonzero(enough & ~less)
+        gap[middle] = tree.query(tree.data[middle], k=[k + 1])[0][:, 0]
+        typical = float(np.median(gap))
+        return typical if low <= typical <= high else None
 
-    @property
-    def farthest_from_middle(self) -> int:
-        """The point that is farthest from the cloud's mean."""
-        x, y, z = self._axes
-        return int(np.argmax(x * x + y * y + z * z))
+    def _pairs(self, radius: float) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+        """The points of all pairs that are as near as that, those of higher rank first."""
+        if radius > self._widest:
+            self._look(radius)
+        near = self._squared <= radius * radius
+        return self._first[near], self._second[near]
 
-    def take(self, last: int) -> int:
-        """Take a point; the one that is then farthest from all taken ones."""
-        distance, term = self._distance, self._term
-        for number, axis in enumerate(self._axes):
-            into = term if number else distance
-            np.subtract(axis, axis[last], out=into)
-            np.multiply(into, into, out=into)
-            if number:
-                np.add(distance, term, out=distance)
-        np.minimum(self.squared, distance, out=self.squared)
-        self.squared[last] = -1  # never twice, even where all that is left coincides with taken ones
-        return int(self.squared.argmax())
+    def _look(self, radius: float) -> None:
+        a, b = self._tree.query_pairs(radius, output_type="ndarray").T.copy()
+        higher = self._rank[a] < self._rank[b]
+        self._first, self._second = np.where(higher, a, b), np.where(higher, b, a)
+        self._squared = sum((axis[a] - axis[b]) ** 2 for axis in self._tree.data.T.copy())
+        self._widest = radius

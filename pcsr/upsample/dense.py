@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -80,7 +81,7 @@ def densify(
             made.append(added)
         cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
     made.append(_one_pass(cloud, new, source, touches, keep, crew, advance))
-    return np.concatenate(made)
+    return np.concatenate(made) if len(made) > 1 else made[0]
 
 
 def _one_pass(
@@ -92,18 +93,19 @@ def _one_pass(
     crew: Crew,
     advance: Callable[[int, int], None],
 ) -> Cloud:
-    done = 0
-    made: list[Cloud] = []
+    done = at = 0
+    made = np.zeros((new, 3))
     work = functools.partial(_fill, source, keep)
-    cores: list[int] = []
+    cores: deque[int] = deque()
     for filled in crew.map(work, _tasks(cloud, new, source, touches, cores)):
-        done += cores[len(made)]
-        made.append(filled)
+        made[at : at + len(filled)] = filled
+        at += len(filled)
+        done += cores.popleft()
         advance(done, len(cloud))
-    return np.concatenate(made)
+    return made
 
 
-def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud], cores: list[int]) -> Iterator[Task]:
+def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud], cores: deque[int]) -> Iterator[Task]:
     before = 0
     for patch in patches(cloud, source.size, source.size // 2):
         points = cloud[patch.rows]
@@ -131,11 +133,9 @@ def _fill(source: Candidates, keep: bool, task: Task) -> Cloud:
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points = points[order]
     candidates = source(points, [frame.into(touch) for touch in task.touches])
-    close, nearest = near(candidates, points)
-    candidates, nearest = candidates[close], nearest[close]
-    mine = nearest < task.core
-    known = points if keep else np.zeros((0, 3))
-    chosen = candidates[spread_out(candidates, known, mine, task.count)] if len(candidates) else np.zeros((0, 3))
+    close, distance, nearest = near(candidates, points)
+    candidates, distance, mine = candidates[close], distance[close], nearest[close] < task.core
+    chosen = candidates[spread_out(candidates, distance if keep else None, mine, task.count)]
     missing = between(points, task.core, task.count - len(chosen))
     return frame.back(np.concatenate([chosen, missing]))
 

@@ -1,10 +1,11 @@
 """Choosing new points among many candidates: where the gaps are, and nowhere else."""
 
+import math
+from bisect import bisect_left, bisect_right
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
-
-from pcsr.geometry.sampling import Gaps
 
 NEIGHBOURS = 6
 """A point's spacing is the mean distance to so many neighbours."""
@@ -14,6 +15,8 @@ REACH = 1.2
 """New points lie within so many spacings of the point that they are nearest to."""
 SAME = 1e-6
 """And farther from it than this, in radii of the patch: a copy is nothing new."""
+SLACK = 1.0001
+"""Rounding must not put a candidate outside of the slab in which distances change."""
 
 
 def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -28,49 +31,71 @@ def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
 
 def near(
     candidates: Float[np.ndarray, "c 3"], points: Float[np.ndarray, "n 3"]
-) -> tuple[Bool[np.ndarray, " c"], Int[np.ndarray, " c"]]:
-    """Which candidates are new and bridge no gap wider than the cloud's spacing; and each one's nearest point.
+) -> tuple[Bool[np.ndarray, " c"], Float[np.ndarray, " c"], Int[np.ndarray, " c"]]:
+    """Which candidates are new and bridge no gap wider than the cloud's spacing.
 
     Args:
         candidates: in the frame in which the points fill the unit sphere.
         points: the cloud.
+
+    Returns:
+        Whether a candidate is one of those; how far it is from the point nearest to it; and that point.
     """
     distance, nearest = cKDTree(points).query(candidates)
     close: Bool[np.ndarray, " c"] = (distance <= REACH * spacing(points)[nearest]) & (distance > SAME)
-    return close, nearest
+    return close, distance, nearest
 
 
 def spread_out(
     candidates: Float[np.ndarray, "c 3"],
-    known: Float[np.ndarray, "k 3"],
+    distance: Float[np.ndarray, " c"] | None,
     mine: Bool[np.ndarray, " c"],
     count: int,
 ) -> Int[np.ndarray, " chosen"]:
-    """Farthest point sampling that goes on from known points, until `count` of one's own are chosen.
+    """Farthest point sampling that goes on from points that are there, until `count` of one's own are chosen.
 
     Candidates that are somebody else's are chosen among the others but not counted: so an edge of what is mine draws
-    no more points than the middle. Of equally far ones the first is taken.
+    no more points than the middle. Of equally far ones the first along x is taken.
+
+    No candidate is farther from what is there than the one that is taken. So taking it changes nothing for those that
+    are farther from it than that along x alone, and only the slab between is looked at.
+
+    Args:
+        candidates: what can be taken, in any frame; fastest where they spread widest along x. Their differences are
+            looked at in single precision.
+        distance: of each to what is there already. None: nothing is, and the one farthest from the middle comes first.
+        mine: which of them are one's own.
+        count: how many of those to choose.
 
     Returns:
         Indices of chosen candidates that are mine: `count`, or all there are.
     """
     count = min(count, int(mine.sum()))
-    chosen: list[int] = []
     if count == 0:
-        return np.array(chosen, np.int64)
-    if len(known):
-        squared = cKDTree(known).query(candidates)[0] ** 2
-        gaps = Gaps(candidates, squared.astype(np.float32))
-        last = int(gaps.squared.argmax())
+        return np.zeros(0, np.int64)
+    along = np.argsort(candidates[:, 0], kind="stable")
+    sorted_ones = candidates[along]
+    axes = np.ascontiguousarray((sorted_ones - sorted_ones.mean(0)).T, np.float32)
+    x, own = axes[0].tolist(), mine[along].tolist()
+    if distance is None:
+        squared = np.full(len(along), np.inf, np.float32)
+        last = int(np.square(axes).sum(0).argmax())
     else:
-        gaps = Gaps(candidates, np.full(len(candidates), np.inf, np.float32))
-        last = gaps.farthest_from_middle
+        squared = np.square(distance[along]).astype(np.float32)
+        last = int(squared.argmax())
+    chosen: list[int] = []
     while True:
-        if mine[last]:
+        if own[last]:
             chosen.append(last)
             if len(chosen) == count:
-                return np.array(chosen, np.int64)
-        last = gaps.take(last)
+                return along[chosen]
+        reach = SLACK * math.sqrt(squared[last])
+        slab = slice(bisect_left(x, x[last] - reach), bisect_right(x, x[last] + reach))
+        away = axes[:, slab] - axes[:, last, None]
+        away *= away
+        np.minimum(squared[slab], away[0] + away[1] + away[2], out=squared[slab])
+        squared[last] = -1  # never twice, even where all that is left coincides with taken ones
+        last = int(squared.argmax())
 
 
 def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np.ndarray, "count 3"]:

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pcsr import UserError
+from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.interpolation import midpoint
-from pcsr.geometry.sampling import farthest_points
 
 
 def cloud(n, seed=0):

@@ -3,11 +3,11 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from scipy.spatial import cKDTree
 
 from pcsr import UserError
-from pcsr.geometry.sampling import farthest_points, poisson_points, poisson_subset, surface_points
+from pcsr.geometry.farthest import farthest_points
+from pcsr.geometry.sampling import poisson_points, poisson_subset, surface_points
 
 
 def generator(seed=0):
@@ -23,13 +23,26 @@ def hexagonal(area, count):
     return np.sqrt(2 * area / (np.sqrt(3) * count))
 
 
-def farthest_slowly(points, count, start):
-    chosen = [start]
-    while len(chosen) < count:
-        distance = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(1)
-        distance[chosen] = -1
-        chosen.append(int(distance.argmax()))
-    return chosen
+def thinned_slowly(points, count, rng):
+    """Darts one after another, in the order of their ranks, with one radius after another."""
+    n, rank = len(points), rng.permutation(len(points))
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
+    k = min(n // count, 16)
+    low, high = 0.0, np.inf
+    radius = 1.4 * np.median(np.sort(distance)[:, k]) * (n / count / k) ** 0.5
+    while True:
+        kept = []
+        for point in np.argsort(rank):
+            if not kept or distance[point, kept].min() > radius:
+                kept.append(int(point))
+        if len(kept) < count:
+            high = radius
+        elif len(kept) <= 1.005 * count:
+            return kept[:count]
+        else:
+            low = radius
+        guess = radius * (len(kept) / (1.0025 * count)) ** 0.5
+        radius = guess if low < guess < high else (low + high) / 2
 
 
 def test_surface_points_lie_on_the_surface():
@@ -87,38 +100,15 @@ def test_a_poisson_subset_has_exactly_as_many_points_whatever_coincides(n, count
     assert len(kept) == count == len(np.unique(kept))
 
 
-@given(arrays(np.float64, (25, 3), elements=st.integers(-3, 3).map(float)), st.integers(1, 25))
-@settings(max_examples=60, deadline=None)
-def test_farthest_points_agree_with_looking_at_every_distance(points, count):
-    points += 0.1 * generator().random(points.shape)  # no ties, which would have several right answers
-    assert farthest_points(points, count, start=3).tolist() == farthest_slowly(points, count, 3)
-    first = int(np.linalg.norm(points - points.mean(0), axis=1).argmax())
-    assert farthest_points(points, count).tolist() == farthest_slowly(points, count, first)
+@pytest.mark.parametrize(("n", "count"), [(600, 60), (600, 400), (1500, 300)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_poisson_subset_is_that_of_darts_one_after_another(n, count, seed):
+    cloud = generator(seed).random((n, 3)) * [1, 1, 0]
+    cloud[: n // 10, 2] = 1  # some are sparse
+    ours = poisson_subset(cloud, count, generator(seed))
+    assert ours.tolist() == thinned_slowly(cloud, count, generator(seed))
 
 
-@given(arrays(np.float64, (30, 3), elements=st.integers(0, 2).map(float)), st.integers(1, 30), st.randoms())
-@settings(max_examples=60, deadline=None)
-def test_farthest_points_do_not_depend_on_the_order_even_where_distances_tie(points, count, random):
-    order = random.sample(range(30), 30)
-    ours, shuffled = points[farthest_points(points, count)], points[order]
-    assert np.array_equal(ours, shuffled[farthest_points(shuffled, count)])
-
-
-def test_farthest_points_of_coinciding_points_are_all_chosen_once():
-    assert sorted(farthest_points(np.ones((9, 3), np.float32), 9)) == list(range(9))
-
-
-def test_farthest_points_tell_neighbours_apart_in_coordinates_of_millions():
-    points = generator().random((50, 3))
-    assert np.array_equal(farthest_points(points + 5e6, 20), farthest_points(points, 20))
-
-
-@pytest.mark.parametrize("thin", [farthest_points, lambda points, count: poisson_subset(points, count, generator())])
-def test_more_points_than_there_are_is_refused(thin):
+def test_more_points_than_there_are_is_refused():
     with pytest.raises(UserError, match="8 points were asked of a cloud of 7"):
-        thin(np.zeros((7, 3)), 8)
-
-
-def test_a_start_outside_the_cloud_is_refused():
-    with pytest.raises(UserError, match="start at point 7 of a cloud of 7"):
-        farthest_points(np.zeros((7, 3)), 2, start=7)
+        poisson_subset(np.zeros((7, 3)), 8, generator())

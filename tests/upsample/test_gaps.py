@@ -23,34 +23,59 @@ def slowly(candidates, known, mine, count):
     return chosen
 
 
+def distance_to(points, candidates):
+    """To the nearest of them; None where there is none."""
+    return np.linalg.norm(candidates[:, None] - points, axis=2).min(1) if len(points) else None
+
+
 @given(seed=st.integers(0, 500), known=st.integers(0, 6), count=st.integers(0, 30))
 def test_the_fast_way_chooses_what_the_slow_one_does(seed, known, count):
     rng = np.random.default_rng(seed)
     candidates, there = rng.normal(size=(20, 3)), rng.normal(size=(known, 3))
     mine = rng.random(20) < 0.6
-    chosen = spread_out(candidates, there, mine, count)
+    chosen = spread_out(candidates, distance_to(there, candidates), mine, count)
     assert list(chosen) == slowly(candidates, there, mine, count)
     assert mine[chosen].all()
     assert len(chosen) == min(count, mine.sum())
 
 
+@pytest.mark.parametrize("known", [0, 100])
+def test_slabs_that_are_narrower_than_the_cloud_change_nothing(known):
+    rng = np.random.default_rng(known)
+    candidates, there = rng.uniform(-1, 1, (400, 3)) * [1, 0.3, 0.05], rng.uniform(-1, 1, (known, 3)) * [1, 0.3, 0.05]
+    mine = candidates[:, 0] < 0.2
+    chosen = spread_out(candidates, distance_to(there, candidates), mine, 150)
+    assert list(chosen) == slowly(candidates, there, mine, 150)
+
+
+def test_of_candidates_equally_far_the_first_along_x_is_taken():
+    x = np.array([3.0, 1.0, 2.0, 0.0])
+    row = np.column_stack([x, np.zeros((4, 2))])
+    assert list(spread_out(row, np.ones(4), np.ones(4, bool), 4)) == [3, 1, 2, 0]
+
+
 def test_candidates_on_one_spot_are_each_chosen_once():
-    chosen = spread_out(np.zeros((5, 3)), np.zeros((2, 3)), np.ones(5, bool), 5)
+    chosen = spread_out(np.zeros((5, 3)), np.ones(5), np.ones(5, bool), 5)
     assert sorted(chosen) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("distance", [None, np.zeros(0)])
+def test_of_no_candidates_none_is_chosen(distance):
+    assert spread_out(np.zeros((0, 3)), distance, np.zeros(0, bool), 3).shape == (0,)
 
 
 def test_a_border_draws_no_more_points_than_the_middle():
     rng = np.random.default_rng(0)
     sheet = np.column_stack([rng.uniform(0, 1, (16_000, 2)), np.zeros(16_000)])
-    mine, nobody = sheet[:, 0] < 0.5, np.zeros((0, 3))
+    mine = sheet[:, 0] < 0.5
 
     def at_the_border(points):
         """How dense the points are there, 1 being the mean."""
         return (points[:, 0] > 0.49).mean() / 0.02
 
-    assert at_the_border(sheet[spread_out(sheet, nobody, mine, 1000)]) == pytest.approx(1, abs=0.2)
+    assert at_the_border(sheet[spread_out(sheet, None, mine, 1000)]) == pytest.approx(1, abs=0.2)
     alone = sheet[mine]
-    pulled = alone[spread_out(alone, nobody, np.ones(len(alone), bool), 1000)]
+    pulled = alone[spread_out(alone, None, np.ones(len(alone), bool), 1000)]
     assert at_the_border(pulled) > 1.5, "without the others' candidates it does draw more"
 
 
@@ -73,13 +98,14 @@ def test_nothing_bridges_a_gap_and_what_fills_the_sampling_stays():
     left, right = (rng.uniform(0, 1, (400, 3)) * [1, 1, 0] + [x, 0, 0] for x in (0.0, 1.5))
     cloud = np.concatenate([left, right])
     candidates = np.column_stack([rng.uniform(0, 2.5, 5000), rng.uniform(0, 1, 5000), np.zeros(5000)])
-    close, nearest = near(candidates, cloud)
+    close, distance, nearest = near(candidates, cloud)
     in_gap = (candidates[:, 0] > 1.1) & (candidates[:, 0] < 1.4)
     on_sheet = (candidates[:, 0] < 0.95) | (candidates[:, 0] > 1.55)
     assert not close[in_gap].any()
     assert close[on_sheet].mean() > 0.98
-    brute = np.linalg.norm(candidates[:200, None] - cloud[None], axis=2).argmin(1)
-    np.testing.assert_array_equal(nearest[:200], brute)
+    brute = np.linalg.norm(candidates[:200, None] - cloud[None], axis=2)
+    np.testing.assert_array_equal(nearest[:200], brute.argmin(1))
+    np.testing.assert_allclose(distance[:200], brute.min(1))
 
 
 @given(seed=st.integers(0, 200), count=st.integers(0, 200))

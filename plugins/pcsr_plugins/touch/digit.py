@@ -149,8 +149,9 @@ class Digit(TouchSource):
             raise UserError(f"{item.name}: its cloud has a coordinate that is not finite: policy 'sparse' needs all")
         found: list[Touch] = []
         felt = np.zeros((0, 3))
-        for number in range(count):
-            touch = self.hand.touch(rays, seen, felt, np.random.default_rng((seed, number)))
+        rngs = [np.random.default_rng((seed, number)) for number in range(count)]
+        for number, places in enumerate(self.hand.places(rays, rngs)):
+            touch = self.hand.touch(rays, places, seen, felt, rngs[number])
             if not isinstance(touch, Touch):
                 raise UserError(
                     f"{item.name}: touch 'digit' found {number} of {count} touches, then none of {self.hand.tries} "

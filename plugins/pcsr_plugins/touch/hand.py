@@ -1,6 +1,7 @@
 """One touch from places to points: candidates in a policy's order, pressed, judged, felt with noise."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,9 +37,14 @@ class Hand:
             return "at_least", f"{self.at_least} pixels"
         return "at_least_area", f"{self.at_least_area:g} mm²"
 
+    def places(self, rays: MeshRays, rngs: Sequence[np.random.Generator]) -> list[Places]:
+        """Where each of several touches may be tried; each has a random stream of its own."""
+        return Places.draw(rays, self.tries, self.tilt, self.press, rngs)
+
     def touch(
         self,
         rays: MeshRays,
+        places: Places,
         seen: Float[np.ndarray, "n 3"],
         felt: Float[np.ndarray, "f 3"],
         rng: np.random.Generator,
@@ -47,14 +53,14 @@ class Hand:
 
         Args:
             rays: the object.
+            places: this touch's.
             seen: the visual cloud, in the frame of the rays, in mm.
             felt: points of earlier touches, likewise.
-            rng: for this touch alone.
+            rng: for this touch alone, its places drawn already.
 
         Returns:
             The touch in the object's own frame and unit, or how many places were refused for which reason.
         """
-        places = Places.draw(rays, self.tries, self.tilt, self.press, rng)
         angles = rng.uniform(0, 2 * np.pi, self.tries)
         depths = rng.uniform(*self.press, (self.tries, OPPOSING))
         possible = np.flatnonzero(places.open)

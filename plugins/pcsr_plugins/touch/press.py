@@ -119,13 +119,14 @@ class Finger:
         def heights(at: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, " p"]:
             return rays.heights(place + at @ frame[:, :2].T, np.broadcast_to(frame[:, 2], (len(at), 3)))
 
-        beside = float(heights(self.rim).max(initial=-np.inf)) - self.sensor.protrusion
-        if self.sensor.senses == "proximity":
+        proximity = self.sensor.senses == "proximity"
+        first = heights(np.concatenate([self.rim, self.gel if proximity else self.gel[self._few]]))
+        of_rim, felt = np.split(first, [len(self.rim)])
+        beside = float(of_rim.max(initial=-np.inf)) - self.sensor.protrusion
+        if proximity:
             # A rigid finger stops at whatever is met, by its housing too.
-            felt = heights(self.gel)
             face = max(float((felt - self.sag(self.gel)).max()), beside)
             return (face, felt) if np.isfinite(face) else None
-        felt = heights(self.gel[self._few])
         # What stands highest is met first, be it the place or not; from there on the gel is pressed.
         lowest = float((felt - self.sag(self.gel[self._few])).max()) - depth
         bound, looked = promising(self.sensor, rays, place, frame, lowest)

@@ -42,7 +42,7 @@ def promising(
     left, top = first[over].astype(np.int64).T
     right, bottom = last[over].astype(np.int64).T + 1
     # Each box adds 1 to its pixels: its corners say where that begins and ends.
-    boxes = np.zeros((rows + 1, columns + 1), np.int64)
+    boxes = np.zeros((rows + 1) * (columns + 1), np.int64)
     for row, column, sign in ((top, left, 1), (top, right, -1), (bottom, left, -1), (bottom, right, 1)):
-        np.add.at(boxes, (row, column), sign)
-    return bound, (boxes.cumsum(0).cumsum(1)[:-1, :-1] > 0).ravel()
+        boxes += sign * np.bincount(row * (columns + 1) + column, minlength=len(boxes))
+    return bound, (boxes.reshape(rows + 1, -1).cumsum(0).cumsum(1)[:-1, :-1] > 0).ravel()

@@ -132,7 +132,7 @@ def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
     rejected = looked = 0
     for name in ("test/hook/0000", "test/bolt/0000"):
         rays = MeshRays(CadParts().item(name).mesh, 60.0, name)
-        places = Places.draw(rays, 20, 5.0, (0.5, 1.5), np.random.default_rng(0))
+        (places,) = Places.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
         for sensor in (sensors.load("digit"), sensors.load("digit-tacto")):
             finger = Finger(sensor)
             at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]
