@@ -1,6 +1,5 @@
 """Networks as ONNX graphs: onnxruntime gives what torch gives, and what cannot be exported is said."""
 
-import itertools
 import json
 import sys
 
@@ -16,8 +15,7 @@ import pcsr.cli
 from pcsr.cli.export import export
 from pcsr.errors import UserError
 from pcsr.export import _graph, export_onnx
-from pcsr.geometry import ordering
-from pcsr.geometry.neighbours import neighbour_max
+from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.library import Model, load
 from pcsr.model import build
 from pcsr.plugins import load_plugins
@@ -142,21 +140,12 @@ def test_translated_operators_give_what_torch_gives():
     np.testing.assert_allclose(dense, Sorted()(points, touches), atol=1e-4)
 
 
-def test_the_exported_curve_is_the_usual_one():
-    coarse = torch.tensor(list(itertools.product(range(16), repeat=3))).T
-    fine = torch.randint(0, 2**ordering.BITS, (3, 5_000), generator=torch.Generator().manual_seed(0))
-    for cells in (coarse, coarse << (ordering.BITS - 4), fine):
-        assert torch.equal(ordering._code_by_table(list(cells)), ordering._hilbert_code(list(cells)))
-
-
 def test_exporting_branches_give_what_the_usual_ones_give(monkeypatch):
     points = torch.rand(2, 50, 3)
-    near = torch.randint(0, 50, (2, 7, 5))
-    order, greatest = ordering.hilbert_order(points), neighbour_max(points, near)
+    near, greatest = knn(points[:, :7], points, 5), neighbour_max(points, knn(points, points, 5))
     monkeypatch.setattr(torch.compiler, "is_exporting", lambda: True)
-    monkeypatch.delattr(ordering, "_hilbert_code")
-    assert torch.equal(ordering.hilbert_order(points), order)
-    assert torch.equal(neighbour_max(points, near), greatest)
+    assert torch.equal(knn(points[:, :7], points, 5), near)
+    assert torch.equal(neighbour_max(points, knn(points, points, 5)), greatest)
 
 
 class Undecided(torch.nn.Module):

@@ -22,9 +22,7 @@ def hilbert_order(points: Float[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
     with torch.no_grad():
         low = points.amin(-2, keepdim=True)
         side = (points - low).amax((-1, -2), keepdim=True).clamp_min(torch.finfo(points.dtype).tiny)
-        x, y, z = ((points - low) / side * 2**BITS).long().clamp(0, 2**BITS - 1).unbind(-1)
-        # An exported graph with a node for each step on the bits would be mostly that.
-        code = (_code_by_table if torch.compiler.is_exporting() else _hilbert_code)([x, y, z])
+        code = _hilbert_code(((points - low) / side * 2**BITS).long().clamp(0, 2**BITS - 1))
         # Sort by the last key first: each sort is stable, so the code decides and coordinates break its ties.
         order = torch.argsort(points[..., 2], dim=-1, stable=True)
         for key in (points[..., 1], points[..., 0], code):
@@ -32,52 +30,25 @@ def hilbert_order(points: Float[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
         return order
 
 
-def _hilbert_code(axes: list[Tensor]) -> Tensor:
-    """Cell coordinates to the position on the curve."""
-    x = list(axes)
-    bit = 1 << (BITS - 1)
-    while bit > 1:  # undo the rotations that the curve makes on its way down
-        low = bit - 1
-        for i in range(3):
-            set_here = (x[i] & bit) != 0
-            swap = torch.where(set_here, 0, (x[0] ^ x[i]) & low)
-            x[i] = x[i] ^ swap
-            x[0] = torch.where(set_here, x[0] ^ low, x[0] ^ swap)
-        bit >>= 1
-    x[1] = x[1] ^ x[0]  # Gray code
-    x[2] = x[2] ^ x[1]
-    turn = torch.zeros_like(x[0])
-    bit = 1 << (BITS - 1)
-    while bit > 1:
-        turn = torch.where((x[2] & bit) != 0, turn ^ (bit - 1), turn)
-        bit >>= 1
-    x = [axis ^ turn for axis in x]
-    code = torch.zeros_like(x[0])
-    for b in range(BITS - 1, -1, -1):
-        for axis in x:
-            code = (code << 1) | ((axis >> b) & 1)
-    return code
-
-
-def _code_by_table(axes: list[Tensor]) -> Tensor:
-    """As `_hilbert_code` in a seventh of the operations: one look into a table for each bit."""
-    shifts = torch.arange(BITS - 1, -1, -1, device=axes[0].device)
-    x, y, z = (axis.unsqueeze(-1).bitwise_right_shift(shifts) & 1 for axis in axes)
-    octants = (4 * x + 2 * y + z).unbind(-1)
-    table = torch.tensor(_curve(), device=axes[0].device)
-    code, state = torch.zeros_like(axes[0]), torch.zeros_like(axes[0])
-    for octant in octants:
+def _hilbert_code(cells: Int[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
+    """Cell coordinates to the position on the curve, octant by octant from the coarsest to the finest."""
+    bits = torch.arange(BITS - 1, -1, -1, device=cells.device).view(-1, *[1] * cells.dim())
+    x, y, z = (cells.bitwise_right_shift(bits) & 1).unbind(-1)  # (BITS *b n)
+    table = torch.tensor(CURVE, device=cells.device)
+    code = state = torch.zeros_like(cells[..., 0])
+    for octant in 4 * x + 2 * y + z:
         entry = table[state + octant]
-        code = 8 * code + (entry & 7)
-        state = entry - (entry & 7)
+        digit = entry & 7
+        code, state = 8 * code + digit, entry - digit
     return code
 
 
 def _curve() -> list[int]:
     """The curve as a machine that reads a cell's octants from the coarsest to the finest.
 
-    Entry 8·state + octant holds 8·(next state) + the digit of the code. A state is what `_hilbert_code` has done
-    so far to all finer bits: which axis each comes from, whether it is inverted, and whether the digit will be.
+    Entry 8·state + octant holds 8·(next state) + the digit of the code. A state is what Skilling's loop over the
+    bits has done so far to all finer ones: which axis each comes from, whether it is inverted, and whether the digit
+    will be.
     """
     states = [((0, 1, 2), (0, 0, 0), 0)]
     table = []
@@ -98,6 +69,9 @@ def _curve() -> list[int]:
                 states.append(following)
             table.append(8 * states.index(following) + digit)
     return table
+
+
+CURVE = _curve()
 
 
 def along(order: Int[Tensor, "b n"], features: Float[Tensor, "b n c"]) -> Float[Tensor, "b n c"]:

@@ -1,14 +1,36 @@
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 import torch
 
 from pcsr import UserError
-from pcsr.geometry.neighbours import gather, knn, neighbour_max
+from pcsr.geometry.neighbours import CHUNK, ROWS, gather, knn, neighbour_max
 
 
-def test_knn_agrees_with_sorting_every_distance():
-    query, points = torch.randn(2, 7, 3), torch.randn(2, 30, 3)
-    distances = (query[:, :, None] - points[:, None]).square().sum(-1)
-    assert torch.equal(knn(query, points, 5), distances.argsort(-1)[..., :5])
+@pytest.mark.parametrize("d", [2, 3, 5])
+@pytest.mark.parametrize(("q", "k"), [(7, 5), (7, 1), (2 * ROWS + 1, 3)])
+def test_knn_agrees_with_sorting_every_distance(d, q, k):
+    generator = torch.Generator().manual_seed(d)
+    query, points = torch.randn(2, q, d, generator=generator), torch.randn(2, 30, d, generator=generator)
+    distances = (query[:, :, None] - points[:, None]).double().square().sum(-1)
+    assert torch.equal(knn(query, points, k), distances.argsort(-1)[..., :k])
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
+def test_neighbours_of_many_points_need_no_matrix_of_distances():
+    """65,536 points would have 17 GB of them."""
+    code = """
+import resource, torch
+from pcsr.geometry.neighbours import knn
+points = torch.rand(1, 2**16, 3)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+knn(points, points, 16)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    more = int(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
+    assert more * 1024 < 100e6
 
 
 def test_a_point_finds_itself_first_far_from_the_origin():
@@ -28,13 +50,27 @@ def test_gather_picks_rows():
     assert torch.equal(gather(features, index)[1, 0], features[1, [2, 2]])
 
 
-def test_neighbour_max_equals_the_plain_maximum_in_value_and_gradient():
-    index = torch.randint(0, 20, (2, 11, 6))
-    a = torch.randn(2, 20, 5, dtype=torch.float64, requires_grad=True)
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64, torch.bfloat16])
+@pytest.mark.parametrize("q", [11, 2 * CHUNK + 1])
+def test_neighbour_max_equals_the_plain_maximum_in_value_and_gradient(q, dtype):
+    generator = torch.Generator().manual_seed(q)
+    index = torch.rand(2, q, 20, generator=generator).argsort(-1)[..., :6]  # each neighbour once
+    a = 1e3 ** torch.randn(2, 20, 5, generator=generator) * torch.randn(2, 20, 5, generator=generator).sign()
+    a = a.to(dtype).requires_grad_()
     b = a.detach().clone().requires_grad_()
     ours, plain = neighbour_max(a, index), gather(b, index).max(2).values
-    weight = torch.randn_like(plain)
+    weight = torch.randint_like(plain, -3, 4)  # whole numbers, which add up alike in any order
     (ours * weight).sum().backward()
     (plain * weight).sum().backward()
     assert torch.equal(ours, plain)
-    assert torch.allclose(a.grad, b.grad)
+    assert torch.equal(neighbour_max(a.detach(), index), plain)
+    if dtype != torch.bfloat16:  # there sums of whole numbers are rounded too
+        assert torch.equal(a.grad, b.grad)
+
+
+def test_of_equal_values_one_gets_the_gradient():
+    for x in (torch.zeros(1, 4, 2), -torch.ones(1, 4, 2), torch.tensor([[[0.0, -0.0], [-0.0, 0.0]] * 2])):
+        x.requires_grad_()
+        neighbour_max(x, torch.arange(4).view(1, 1, 4)).sum().backward()
+        assert x.grad.sum(1).tolist() == [[1.0, 1.0]]
+        assert x.grad.amax().item() == 1.0

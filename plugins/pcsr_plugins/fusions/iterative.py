@@ -14,13 +14,13 @@ approach is to apply MLPs followed by max-pooling", which the equations don't; `
 from typing import Literal
 
 import torch
-from jaxtyping import Float
 from torch import nn
+from torch.nn import functional as F
 
 from pcsr import Fusion, Touches, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
-from pcsr_plugins.fusions.pairing import pair
+from pcsr_plugins.fusions.pairing import met
 
 
 class Iterative(Fusion):
@@ -36,21 +36,24 @@ class Iterative(Fusion):
         self.deconv = nn.ConvTranspose1d(2 * widths.visual, widths.visual, 3, padding=1)
 
     def forward(self, points: Points, features: Features, touches: Touches) -> Features:
-        """Algorithm 1; a row of the batch skips the touches that it lacks."""
+        """Algorithm 1; a row of the batch skips the touches that it lacks.
+
+        Both layers are linear in what is concatenated, so each is applied to the two parts: what the MLP makes of
+        the touches, and the deconvolution of fp, is the same in every round or needs no round before it.
+        """
+        linear, deconv = self.mlp[0], self.deconv
+        assert isinstance(linear, nn.Linear)
+        of_touch, of_fused = torch.split(linear.weight, [touches.features.shape[-1], features.shape[-1]], dim=1)
+        of_mixed, of_visual = deconv.weight.chunk(2)
         order = hilbert_order(points)
         fp = along(order, features)
-        heard = pair(points, touches)  # (b a n ct)
+        heard = F.linear(met(touches, points.shape[1]), of_touch, linear.bias)  # (b a n c)
+        visual = F.conv_transpose1d(fp.transpose(1, 2), of_visual, deconv.bias, padding=1)  # (b c n)
         f = fp
         for i in range(touches.mask.shape[1]):
-            fused = self.fuse(fp, along(order, heard[:, i]), f)
-            f = torch.where(touches.mask[:, i, None, None], fused, f)
+            fm = F.relu(heard[:, i] + F.linear(f, of_fused))  # (b n c)
+            if self.pool == "global":
+                fm = fm.amax(1, keepdim=True).expand_as(fm)
+            fused = visual + F.conv_transpose1d(fm.transpose(1, 2), of_mixed, padding=1)
+            f = torch.where(touches.mask[:, i, None, None], fused.transpose(1, 2), f)
         return back(order, f)
-
-    def fuse(self, fp: Features, ft: Float[torch.Tensor, "b n ct"], f: Features) -> Features:
-        """FeaFus, the body of Algorithm 1's loop; points in the curve's order."""
-        fm = self.mlp(torch.cat([ft, f], dim=-1))  # (b n c)
-        if self.pool == "global":
-            fm = fm.amax(1, keepdim=True).expand_as(fm)
-        x = torch.cat([fm, fp], dim=-1).transpose(1, 2)  # (b 2c n)
-        fused: Features = self.deconv(x).transpose(1, 2)
-        return fused

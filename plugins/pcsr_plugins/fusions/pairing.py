@@ -5,6 +5,7 @@ Hilbert curves, and the i-th step of one meets the i-th step of the other; a tou
 skipped along to n. So the pairing depends on the two sets alone, not on the order in a file.
 """
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -13,12 +14,17 @@ from pcsr.geometry.ordering import hilbert_order
 from pcsr.tensors import Points
 
 
-def pair(points: Points, touches: Touches) -> Float[Tensor, "b a n c"]:
-    """For each touch and each visual point, the feature of the touched point that it meets."""
-    n, m = points.shape[1], touches.points.shape[2]
-    place = hilbert_order(points).argsort(-1)  # (b n): how far along its curve each visual point lies
-    met = place * m // n  # (b n)
-    touched = hilbert_order(touches.points)  # (b a m)
-    index = touched.gather(-1, met.unsqueeze(1).expand(-1, touched.shape[1], -1))  # (b a n)
+def met(touches: Touches, n: int) -> Float[Tensor, "b a n c"]:
+    """For each touch, the feature of the touched point met at each of the n steps of a walk along a cloud's curve."""
+    m = touches.points.shape[2]
+    step = torch.arange(n, device=touches.points.device) * m // n
+    index = hilbert_order(touches.points)[..., step]  # (b a n)
     # gather, not take_along_dim: exported, that would fix the size of the batch.
     return touches.features.gather(2, index.unsqueeze(-1).expand(-1, -1, -1, touches.features.shape[-1]))
+
+
+def pair(points: Points, touches: Touches) -> Float[Tensor, "b a n c"]:
+    """The same for each visual point, in the order of `points`."""
+    heard = met(touches, points.shape[1])
+    place = hilbert_order(points).argsort(-1)  # (b n): how far along its curve each visual point lies
+    return heard.gather(2, place[:, None, :, None].expand_as(heard))

@@ -1,0 +1,73 @@
+"""Some steps of recipes/tapsr.yaml on dented spheres instead of parts; prints the seconds of the fastest.
+
+[torchrun --standalone --nproc-per-node 2] python benchmarks/training.py STEPS
+"""
+
+import itertools
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+from torch.nn import functional as F
+
+from pcsr.data.dataset import Split
+from pcsr.geometry.frames import UnitSphere
+from pcsr.plugins import load_plugins
+from pcsr.recipe import Recipe, load
+from pcsr.train import train
+
+RECIPE = Path(__file__).parents[1] / "recipes" / "tapsr.yaml"
+BATCH = 8
+
+
+def recipe(*settings: str) -> Recipe:
+    """TAPSR's, with four touches in each step."""
+    (only,) = load(RECIPE, load_plugins(), [f"train.batch={BATCH}", "train.touches=4", *settings])
+    return only
+
+
+def split(count: int) -> Split:
+    """Objects of 8192 points with four touches of 512."""
+    generator = torch.Generator().manual_seed(0)
+    truth = F.normalize(torch.randn(count, 8192, 3, generator=generator), dim=-1)
+    truth = truth * (0.8 + 0.2 * torch.sin(5 * truth[..., :1]))
+    near = torch.cdist(truth[:, :4], truth).topk(512, largest=False).indices
+    return Split(
+        names=[str(i) for i in range(count)],
+        groups=["spheres"] * count,
+        truth=list(truth),
+        points=list(truth[:, ::16]),
+        touches=list(truth[torch.arange(count)[:, None, None], near]),
+        spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
+        felt=[(0.1, 0.2, 0.3, 0.4)] * count,
+        about={},
+    )
+
+
+def main(steps: int) -> None:
+    """Train as `pcsr run` does."""
+    processes = int(os.environ.get("WORLD_SIZE", "1"))
+    strategy = "ddp_find_unused_parameters_true" if processes > 1 else "auto"
+    fabric = Fabric(accelerator="cpu", devices=processes, strategy=strategy)
+    fabric.launch()
+    ends: list[float] = []
+    with tempfile.TemporaryDirectory() as run:
+        train(
+            recipe(f"train.epochs={steps}"),
+            load_plugins(),
+            split(BATCH),
+            split(1),
+            Path(run),
+            fabric,
+            shown=lambda progress: ends.append(progress.seconds),
+        )
+    if fabric.is_global_zero:
+        print(min(b - a for a, b in itertools.pairwise(ends)))  # noqa: T201
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
