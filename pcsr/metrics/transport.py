@@ -10,6 +10,8 @@ First prices come from a small problem, the centroids of small cells of both clo
 they are too high, pairs are missing, and are added.
 """
 
+from concurrent.futures import Executor, ThreadPoolExecutor
+
 import numpy as np
 import torch
 from jaxtyping import Float, Int
@@ -36,7 +38,7 @@ Pairs = Int[np.ndarray, " pairs"]
 
 
 def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
-    """Mean distance of a one-to-one assignment of a to b that is proven to be near the best. On one thread.
+    """Mean distance of a one-to-one assignment of a to b that is proven to be near the best.
 
     Args:
         a: finite points.
@@ -47,27 +49,29 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
         The mean distance, and the lower bound on that of any assignment.
     """
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # steps are short: where anything else runs, threads would wait for one another
+    # Threads that work on blocks of their own: those inside of each operation would wait for one another all the time.
+    torch.set_num_threads(1)
     try:
-        return _mean_distance(a, b, tolerance)
+        with ThreadPoolExecutor(threads) as pool:
+            return _mean_distance(a, b, tolerance, pool)
     finally:
         torch.set_num_threads(threads)
 
 
-def _mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
+def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tuple[float, float]:
     extent = float(np.linalg.norm(np.ptp(np.concatenate([a, b]), axis=0)))
     centres, prices = _prices_of_cells(a, b)
     a, count_a = np.unique(a, axis=0, return_counts=True)
     b, count_b = np.unique(b, axis=0, return_counts=True)
-    v, _ = _cheapest(b, centres, prices, 1)  # the highest that the prices of a's cells allow
-    u, pairs_of_a = _cheapest(a, b, v, FIRST)
-    _, pairs_of_b = _cheapest(b, a, u, FIRST)
+    v, _ = _cheapest(pool, b, centres, prices, 1)  # the highest that the prices of a's cells allow
+    u, pairs_of_a = _cheapest(pool, a, b, v, FIRST)
+    _, pairs_of_b = _cheapest(pool, b, a, u, FIRST)
     j, i = np.divmod(pairs_of_b, len(a))
     pairs = np.concatenate([_some_plan(count_a, count_b), pairs_of_a, i * len(b) + j])
     while True:
         pairs = np.unique(pairs)
         mean, u, v = _solve(a, count_a, b, count_b, pairs)
-        allowed, more = _cheapest(a, b, v, MORE, u)
+        allowed, more = _cheapest(pool, a, b, v, MORE, u)
         bound = float((allowed @ count_a + v @ count_b) / count_a.sum())
         if mean - bound <= tolerance * mean + 1e-12 * extent:
             return mean, bound
@@ -111,7 +115,9 @@ def _solve(
     return float(log["cost"]), log["u"], log["v"]
 
 
-def _cheapest(a: Cloud, b: Other, v: OtherPrices, count: int, u: Prices | None = None) -> tuple[Prices, Pairs]:
+def _cheapest(
+    pool: Executor, a: Cloud, b: Other, v: OtherPrices, count: int, u: Prices | None = None
+) -> tuple[Prices, Pairs]:
     """For each point of a the least distance − v, and pairs with the up to `count` points of b where it is least.
 
     With u, each point of b that some point of a would pay more for than their distance is paired with the one that
@@ -124,16 +130,23 @@ def _cheapest(a: Cloud, b: Other, v: OtherPrices, count: int, u: Prices | None =
     partners = torch.zeros((len(a), count), dtype=torch.int64)
     gain = torch.zeros(len(b), dtype=torch.float64)
     winner = torch.zeros(len(b), dtype=torch.int64)
-    for start in range(0, len(a), BLOCK):
+
+    def look(start: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Fill a block of `least` and `partners`; which points of b gain, how much, and with whom."""
         rows = slice(start, start + BLOCK)
         cost = torch.cdist(points[rows], others, compute_mode="donot_use_mm_for_euclid_dist").sub_(prices)
         values, partners[rows] = cost.topk(count, largest=False)
         least[rows] = values[:, 0]
-        if u is not None:
-            lowest = cost.sub_(torch.from_numpy(u[rows, None])).amin(0)
-            new = torch.nonzero(lowest < gain)[:, 0]
-            gain[new] = lowest[new]
-            winner[new] = cost[:, new].argmin(0) + start
+        if u is None:
+            return winner[:0], gain[:0], winner[:0]
+        lowest = cost.sub_(torch.from_numpy(u[rows, None])).amin(0)
+        new = torch.nonzero(lowest < 0)[:, 0]
+        return new, lowest[new], cost[:, new].argmin(0) + start
+
+    for new, lowest, row in pool.map(look, range(0, len(a), BLOCK)):
+        better = lowest < gain[new]
+        gain[new[better]] = lowest[better]
+        winner[new[better]] = row[better]
     won = torch.nonzero(gain)[:, 0]
     pairs = [(torch.arange(len(a))[:, None] * len(b) + partners).flatten(), winner[won] * len(b) + won]
     return least.numpy(), torch.cat(pairs).numpy()
