@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         TouchSource,
         Trait,
         Upsampler,
+        Upsampling,
         Widths,
     )
     from pcsr.grafting import Grafted, graft
@@ -51,6 +52,7 @@ _HOMES = {
             "Touches",
             "Trait",
             "Upsampler",
+            "Upsampling",
             "Widths",
         ),
         "pcsr.contracts",
@@ -74,6 +76,7 @@ __all__ = [
     "Touches",
     "Trait",
     "Upsampler",
+    "Upsampling",
     "UserError",
     "Widths",
     "__version__",

@@ -15,7 +15,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
@@ -138,15 +138,56 @@ class Upsampler(nn.Module, Part):
         """Make the dense cloud. A part built for one rate refuses another with a `UserError`."""
         raise NotImplementedError
 
+    def stages(self, points: Points, features: Features, rate: int) -> list[Dense]:
+        """The clouds on the way, the coarsest first and the result last: for objectives that judge all of them."""
+        return [self(points, features, rate)]
+
+
+@runtime_checkable
+class Upsampling(Protocol):
+    """A whole network, as an objective sees it."""
+
+    upsampler: Upsampler
+
+    def __call__(
+        self, points: Points, rate: int, touches: TouchPoints | None = None, mask: TouchMask | None = None
+    ) -> Dense:
+        """Sparse clouds and touches to dense clouds."""
+
+    def stages(
+        self, points: Points, rate: int, touches: TouchPoints | None = None, mask: TouchMask | None = None
+    ) -> list[Dense]:
+        """The clouds on the way, the result last."""
+
+    def refine(
+        self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None
+    ) -> tuple[Float[Tensor, "b joined 3"], Float[Tensor, "b joined c"]]:
+        """What the upsampler is handed: the cloud, to which touches may have been joined, and its features."""
+
 
 class Objective(nn.Module, Part):
     """What training minimises. It may own networks of its own, such as a discriminator."""
+
+    pace: ClassVar[float] = 1.0
+    """The learning rate of its own weights, as a multiple of the network's."""
 
     def forward(
         self, prediction: Float[Tensor, "b rn 3"], target: Float[Tensor, "b g 3"]
     ) -> dict[str, Float[Tensor, ""]]:
         """Named losses; training minimises their sum."""
         raise NotImplementedError
+
+    def losses(
+        self,
+        network: Upsampling,
+        points: Points,
+        truth: Float[Tensor, "b g 3"],
+        rate: int,
+        touches: TouchPoints | None = None,
+        mask: TouchMask | None = None,
+    ) -> dict[str, Float[Tensor, ""]]:
+        """What training calls; to be overridden where more than the network's result is judged."""
+        return self(network(points, rate, touches, mask), truth)
 
 
 @dataclass(frozen=True)

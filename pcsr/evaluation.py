@@ -18,7 +18,7 @@ from pcsr.metrics import METRICS
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.upsample import upsample
+from pcsr.upsample import upsample_as
 
 Cloud = Float[np.ndarray, "n 3"]
 
@@ -53,7 +53,7 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
     ours = Method(
         recipe.name,
         network.parameter_count,
-        lambda points, touches: upsample(network, points, rate, touches),
+        lambda points, touches: upsample_as(recipe, network, points, touches),
     )
     return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.beside)]
 

@@ -111,7 +111,7 @@ class _Fixed(nn.Module):
     def __init__(self, network: Network, recipe: Recipe) -> None:
         super().__init__()
         self.network = copy.deepcopy(network).cpu().float().requires_grad_(False)
-        self.rate = recipe.data.rate
+        self.rate = recipe.network_rate
 
     def forward(self, points: Tensor, touches: Tensor | None = None) -> Tensor:
         dense: Tensor = self.network(points, self.rate, touches)

@@ -127,7 +127,7 @@ class Model:
             return Networked.of(self.network, self.recipe)
         if self.path is None:
             raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
-        return Stored(self.path.resolve(), self.plugins, self.recipe.data.points, self.recipe.data.rate)
+        return Stored(self.path.resolve(), self.plugins, self.recipe.network_points, self.recipe.network_rate)
 
 
 def load(

@@ -48,16 +48,32 @@ class Network(nn.Module):
         Returns:
             (b rate·n 3), in the same frame.
         """
-        n = points.shape[1]
+        cloud, features = self.refine(points, touches, mask)
+        return _thin(self.upsampler(cloud, features, rate), rate * points.shape[1])
+
+    def stages(
+        self,
+        points: Points,
+        rate: int,
+        touches: TouchPoints | None = None,
+        mask: TouchMask | None = None,
+    ) -> list[Dense]:
+        """As `forward`, with the clouds on the way: the coarsest first, the result last."""
+        cloud, features = self.refine(points, touches, mask)
+        *coarse, dense = self.upsampler.stages(cloud, features, rate)
+        return [*coarse, _thin(dense, rate * points.shape[1])]
+
+    def refine(
+        self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None
+    ) -> tuple[Float[Tensor, "b joined 3"], Float[Tensor, "b joined c"]]:
+        """What the upsampler is handed: the cloud, to which the touches may have been joined, and its features."""
         if touches is not None and mask is None:
             mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device)
         cloud = points if touches is None or mask is None else self.fusion.join(points, touches, mask)
         features = self.encoder(cloud)
         if touches is not None and mask is not None and self.fusion.hears_features:
             features = fuse(self.fusion, self.touch_encoder, cloud, features, touches, mask)
-        refined = self.backbone(cloud, features)
-        dense: Dense = self.upsampler(cloud, refined, rate)
-        return dense if dense.shape[1] == rate * n else _thin(dense, rate * n)
+        return cloud, self.backbone(cloud, features)
 
     @property
     def parameter_count(self) -> int:
@@ -99,7 +115,9 @@ def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures
 
 
 def _thin(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
-    """Keep the `count` farthest points: joining raw touches to the cloud makes the upsampler give too many."""
+    """Keep the `count` farthest points. Some upsamplers give too many, and any does for a cloud with touches in it."""
+    if dense.shape[1] == count:
+        return dense
     rows = [row[torch.from_numpy(farthest_points(row.detach().cpu().numpy(), count)).to(row.device)] for row in dense]
     return torch.stack(rows)
 
@@ -114,16 +132,16 @@ def build(recipe: Recipe, registry: Registry) -> Network:
     parts = recipe.model
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
-        encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.data.rate))
+        encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))
         touch_encoder = (
-            parts.touch_encoder.build(registry, "encoder", Widths(rate=recipe.data.rate))
+            parts.touch_encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))
             if parts.touch_encoder
             else None
         )
         widths = Widths(
             visual=encoder.channels,
             touch=touch_encoder.channels if touch_encoder else 3,
-            rate=recipe.data.rate,
+            rate=recipe.network_rate,
         )
         fusion = parts.fusion.build(registry, "fusion", widths)
         if touch_encoder is not None and not fusion.hears_features:

@@ -28,7 +28,7 @@ from pcsr.metrics.chamfer import chamfer
 from pcsr.model import Network, build
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.upsample import upsample
+from pcsr.upsample import upsample_as
 
 CHECKPOINT = "checkpoint.safetensors"
 HISTORY = "metrics.jsonl"
@@ -53,9 +53,11 @@ class _Training(nn.Module):
         self.network = network
         self.objective = objective
 
-    def forward(self, points: torch.Tensor, touches: torch.Tensor, truth: torch.Tensor, rate: int) -> Any:
-        dense = self.network(points, rate, touches if touches.shape[1] else None)
-        return self.objective(dense, truth)
+    def forward(
+        self, points: torch.Tensor, truth: torch.Tensor, touches: torch.Tensor, mask: torch.Tensor, rate: int
+    ) -> Any:
+        felt = (touches, mask) if touches.shape[1] else (None, None)
+        return self.objective.losses(self.network, points, truth, rate, *felt)
 
 
 def train(
@@ -96,7 +98,8 @@ def train(
         )
     # Drawn anew, a cloud that was seen from one side or spaced out would no longer be one.
     augment = [name for name in settings.augment if name != "redraw" or recipe.data.sampling == "random"]
-    batches = Batches(data, min(settings.batch, len(data)), recipe.touch_range, augment, recipe.seed)
+    size = min(settings.batch, len(data))
+    batches = Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
     network = build(recipe, registry)
     model = _Training(network, settings.objective.build(registry, "objective"))
     optimizer = _optimizer(recipe, model)
@@ -119,7 +122,7 @@ def train(
     with _stoppable() as stop:
         while step < steps:
             rate = learning_rate(recipe, step // batches.per_epoch)
-            losses = _step(wrapped, optimizer, fabric, batches, step, rate, recipe.data.rate)
+            losses = _step(wrapped, optimizer, fabric, batches, step, rate, recipe.network_rate)
             step += 1
             total = sum(losses.values())
             if not math.isfinite(total):
@@ -165,8 +168,8 @@ def _step(
     """One step of all processes together; the losses are those of the whole batch."""
     batch = batches.at(step, fabric.global_rank, fabric.world_size)
     for group in optimizer.param_groups:
-        group["lr"] = rate
-    clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.touches, batch.truth))
+        group["lr"] = rate * group["pace"]
+    clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.truth, batch.touches, batch.mask))
     losses = model(*clouds, upsampling)
     optimizer.zero_grad()
     fabric.backward(sum(losses.values()))
@@ -193,15 +196,18 @@ def validate(network: Network, split: Split, recipe: Recipe) -> float:
     values = []
     for i in range(len(split)):
         touches = list(split.touches[i][: recipe.data.touches].numpy())
-        dense = upsample(network, split.points[i].numpy(), recipe.data.rate, touches)
+        dense = upsample_as(recipe, network, split.points[i].numpy(), touches)
         values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
     network.train()
     return sum(values) / len(values)
 
 
-def _optimizer(recipe: Recipe, model: nn.Module) -> torch.optim.Optimizer:
+def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](model.parameters(), lr=recipe.train.rate)
+    groups = [{"params": list(model.network.parameters()), "pace": 1.0}]
+    if own := list(model.objective.parameters()):
+        groups.append({"params": own, "pace": model.objective.pace})
+    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.rate)
     return optimizer
 
 

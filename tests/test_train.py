@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from lightning_fabric import Fabric
+from safetensors.torch import load_file
 
 from pcsr import Objective
 from pcsr.data.dataset import Split
@@ -208,3 +209,44 @@ def test_a_batch_that_processes_cannot_share_is_refused(recipe, tmp_path):
 
     with pytest.raises(UserError, match=r"train\.batch is 3, which 2 processes cannot share equally"):
         train(recipe, load_plugins(), split(6, 1), split(2, 2), tmp_path, Two(accelerator="cpu", devices=1))
+
+
+class Judge(Objective):
+    """Judges the stages, and owns a weight that learns at a tenth of the pace."""
+
+    pace = 0.1
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.own = torch.nn.Parameter(torch.ones(()))
+
+    def forward(self, prediction, target):
+        return {"off": (prediction.mean(1) - target.mean(1)).square().sum() + self.own}
+
+    def losses(self, network, points, truth, rate, touches=None, mask=None):
+        stages = network.stages(points, rate, touches, mask)
+        return {"stages": torch.tensor(float(len(stages))), **self(stages[-1], truth)}
+
+
+def test_an_objective_may_judge_more_than_the_result_and_learn_at_its_own_pace(recipe, tmp_path):
+    registry = load_plugins()
+    registry.add(Entry("objective", "judge", Judge, "tests", "0"))
+    spec = recipe.train.objective.model_copy(update={"use": "judge", "options": {}})
+    recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"objective": spec, "decay": 1.0})})
+    trained(recipe, tmp_path / "run", registry=registry)
+    assert all(line["losses"]["stages"] == 1 for line in history(tmp_path / "run") if "losses" in line)
+    own = load_file(tmp_path / "run" / CHECKPOINT)
+    (weight,) = [value for key, value in own.items() if key.endswith("objective.own")]
+    # The gradient is always 1, so that each step of Adam is as long as its rate.
+    assert float(weight) == pytest.approx(1 - STEPS * recipe.train.rate * Judge.pace, rel=1e-4)
+
+
+def test_training_in_patches_stops_and_resumes_alike(tmp_path):
+    path = tmp_path / "patches.yaml"
+    path.write_text(TINY + "patches: {points: 16, rate: 2}\n")
+    (recipe,) = load(path, load_plugins(), ["data.rate=4"])
+    whole = trained(recipe, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "run", shown=stop_at(4), checkpoint_every=0.0)
+    assert same(whole, trained(recipe, tmp_path / "run"))
+    assert whole.upsampler.rate == 2

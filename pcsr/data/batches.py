@@ -9,15 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from pcsr.data.dataset import Split
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
+from pcsr.recipe import Patches
 
 EVEN = 0.5
 """Share of the redrawn clouds that are evenly spaced."""
+TOUCHED = 0.5
+"""Share of the patches whose middle is that of a touch, where there is one."""
 SCALE = (0.8, 1.2)
 """Random scaling, as in PU-GAN and those after it."""
 JITTER = 0.002
@@ -30,6 +33,8 @@ class Batch:
 
     points: Float[Tensor, "b n 3"]
     touches: Float[Tensor, "b a m 3"]
+    mask: Bool[Tensor, "b a"]
+    """Which touches are there: all of them, if it isn't a patch."""
     truth: Float[Tensor, "b g 3"]
 
 
@@ -44,6 +49,8 @@ class Batches:
     augment: Sequence[str]
     """`redraw` draws the sparse cloud anew from the truth, at random or, with `even`, half of the time evenly."""
     seed: int
+    patches: Patches | None = None
+    """With them a row is one patch of an object, and its sparse cloud is always drawn from the truth."""
 
     @property
     def per_epoch(self) -> int:
@@ -59,8 +66,7 @@ class Batches:
         count = int(np.random.default_rng((self.seed, step, 1)).integers(low, high + 1))
         share = [i for i in range(len(chosen)) if i * ranks // len(chosen) == rank]
         rows = [self._row(int(chosen[i]), count, np.random.default_rng((self.seed, step, 2, i))) for i in share]
-        points, touches, truth = (torch.stack(clouds) for clouds in zip(*rows, strict=True))
-        return Batch(points, touches, truth)
+        return Batch(*(torch.stack(tensors) for tensors in zip(*rows, strict=True)))
 
     def _redrawn(
         self, truth: Float[np.ndarray, "g 3"], count: int, rng: np.random.Generator
@@ -70,15 +76,28 @@ class Batches:
             return farthest_points(truth, count, start=int(rng.integers(len(truth))))
         return rng.choice(len(truth), count, replace=False)
 
-    def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def _patch(self, patches: Patches, truth: Tensor, felt: Tensor, rng: np.random.Generator) -> Tensor:
+        """The points of the truth that are nearest to one of them; often one that was touched, or few would be."""
+        middle = truth[int(rng.integers(len(truth)))]
+        if len(felt) and rng.random() < TOUCHED:
+            middle = felt[int(rng.integers(len(felt)))].mean(0)
+        return truth[(truth - middle).norm(dim=1).topk(patches.points * patches.rate, largest=False).indices]
+
+    def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
         points = self.split.points[item]
-        if "redraw" in self.augment:
-            points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
         felt = self.split.touches[item]
-        felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
+        if self.patches:
+            felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
+            truth = self._patch(self.patches, truth, felt, rng)
+            points = truth[torch.from_numpy(self._redrawn(truth.numpy(), self.patches.points, rng))]
+        else:
+            if "redraw" in self.augment:
+                points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
+            felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
         sphere = UnitSphere.fit(points.numpy())
         clouds = [torch.from_numpy(sphere.apply(cloud.numpy())) for cloud in (points, felt, truth)]
+        mask = in_patch(clouds[1]) if self.patches else torch.ones(count, dtype=torch.bool)
         if "rotate" in self.augment:
             turn = torch.from_numpy(_rotation(rng))
             clouds = [cloud @ turn for cloud in clouds]
@@ -89,7 +108,12 @@ class Batches:
         if "jitter" in self.augment:
             noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
             points = points + torch.from_numpy(noise.astype(np.float32))
-        return points, felt, truth
+        return points, felt, mask, truth
+
+
+def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:
+    """Which touches belong to a patch, whose own frame they are in: those whose middle lies in its unit sphere."""
+    return touches.mean(-2).norm(dim=-1) <= 1
 
 
 def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:

@@ -1,35 +1,50 @@
 """Recipes: plain YAML that says which parts make a network, on which data, and how it is trained."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pcsr.recipe.check import check
 from pcsr.recipe.compose import compose, lay_over
-from pcsr.recipe.schema import Data, PartSpec, Recipe, View
+from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
-__all__ = ["Data", "Mistake", "PartSpec", "Place", "Recipe", "RecipeError", "View", "for_data", "from_resolved", "load"]
+__all__ = [
+    "Data",
+    "Mistake",
+    "PartSpec",
+    "Patches",
+    "Place",
+    "Recipe",
+    "RecipeError",
+    "View",
+    "for_data",
+    "from_resolved",
+    "load",
+]
 
 MOST_STUDIED = 5
 """Touches of each object in the paper's data set (Fig. 4, Table 1)."""
 
 
-def load(path: Path, registry: Registry, overrides: Sequence[str] = ()) -> list[Recipe]:
-    """Read and check a recipe; one recipe for each row of its matrix.
+def load(
+    path: Path, registry: Registry, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None
+) -> list[Recipe]:
+    """Read and check a recipe; one recipe for each row of its matrix, and for each recipe that it names.
 
     Args:
         path: the recipe's file.
         registry: the parts that it may name.
         overrides: each `dotted.key=value`, the value in YAML.
+        axes: dotted keys with values to vary, as in a matrix.
 
     Raises:
         RecipeError: every mistake in it, with file, line and column.
         UserError: a file that can't be read.
     """
     recipes, mistakes = [], []
-    for source in compose(path, overrides):
+    for source in compose(path, overrides, axes or {}):
         try:
             recipes.append(check(source, registry))
         except RecipeError as error:

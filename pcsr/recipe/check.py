@@ -130,7 +130,7 @@ def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
         if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
             return []
         model = annotation
-    extra = ["extends", "matrix"] if model is Recipe else []
+    extra = ["extends", "matrix", "recipes"] if model is Recipe else []
     return [*model.model_fields, *extra]
 
 
@@ -147,8 +147,33 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
             if name in names[:index]:
                 text = f"{section}.{key}: '{name}' is there already: remove one of the two"
                 found.append(Mistake(source.place((section, key, index)), text))
+    if recipe.patches:
+        found += _of_patches(source, recipe)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).hears_features:
         text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
         found.append(Mistake(source.place(("model", "touch_encoder")), text))
+    return found
+
+
+def _of_patches(source: Source, recipe: Recipe) -> list[Mistake]:
+    patches, data = recipe.patches, recipe.data
+    if patches is None:
+        return []
+    found = []
+    reached = patches.rate
+    while reached < data.rate:
+        reached *= patches.rate
+    if reached != data.rate:
+        text = (
+            f"patches.rate is {patches.rate}, and no power of it is data.rate, {data.rate}: "
+            f"applied again and again, the network never makes so many points"
+        )
+        found.append(Mistake(source.place(("patches", "rate")), text))
+    if patches.points * patches.rate > data.points * data.rate:
+        text = (
+            f"patches.points: a patch of {patches.points} points has {patches.points * patches.rate} of the truth's, "
+            f"which are only {data.points * data.rate}: make it smaller"
+        )
+        found.append(Mistake(source.place(("patches", "points")), text))
     return found

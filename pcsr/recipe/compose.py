@@ -1,9 +1,9 @@
-"""From files and options to the data of each run: `extends`, `--set`, `matrix`."""
+"""From files and options to the data of each run: `extends`, `recipes`, `--set`, `matrix`."""
 
 import copy
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +23,55 @@ PARTS: dict[Keys, str] = {
 """Where a part is named, and of which kind; a bare name is short for `{use: name}` there."""
 
 
-def compose(path: Path, overrides: Sequence[str] = ()) -> list[Source]:
-    """Every run that a recipe file describes; one, unless it has a matrix.
+def compose(path: Path, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None) -> list[Source]:
+    """Every run that a recipe file describes; one, unless it compares recipes or has a matrix.
 
     Raises:
-        RecipeError: a file that is not YAML, or extends what it can't. Other mistakes go into the sources.
+        RecipeError: a file that is not YAML, or extends or compares what it can't. Other mistakes go into the sources.
         UserError: a file that can't be read.
     """
-    source = _with_parents(path, ())
-    for override in overrides:
-        lay_over(source, override)
-    return list(_expand(source))
+    runs = []
+    for source in compared(path, _with_parents(path, ())):
+        for override in overrides:
+            lay_over(source, override)
+        for axis, values in (axes or {}).items():
+            _add_axis(source, axis, values)
+        runs += _expand(source)
+    return runs
+
+
+def compared(path: Path, study: Source) -> Iterator[Source]:
+    """The recipes that a study names, each with the rest of the study laid over it; or the one recipe that it is.
+
+    Args:
+        path: the study's file, to which the files that it names are relative.
+        study: what it says.
+    """
+    if "recipes" not in study.data:
+        yield study
+        return
+    rows = study.data.pop("recipes")
+    if not (isinstance(rows, list) and rows):
+        text = "recipes names recipe files in a list: `recipes: [tapsr.yaml, pu-gan.yaml]`"
+        raise RecipeError([Mistake(study.values[("recipes",)], text)])
+    for number, row in enumerate(rows):
+        item: Keys = ("recipes", number)
+        changes = row if isinstance(row, dict) else {"use": row}
+        if not isinstance(changes.get("use"), str):
+            text = "a recipe to compare is a file, or `{use: file, dotted.key: value}`"
+            raise RecipeError([Mistake(study.place(item), text)])
+        target = path.parent / changes["use"]
+        if not target.is_file():
+            raise RecipeError([Mistake(study.place(item), f"there is no recipe {target}: it is relative to this file")])
+        single = _with_parents(target, ())
+        name = changes.get("name", single.data.get("name"))
+        made = merge(single, study)
+        for dotted, value in changes.items():
+            if dotted != "use":
+                assign(made, tuple(dotted.split(".")), value, study.place((*item, dotted)))
+        if isinstance(name, str) and isinstance(study.data.get("name"), str):
+            made.data["name"] = f"{study.data['name']}-{name}"
+        yield made
 
 
 def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
@@ -130,6 +168,16 @@ def lay_over(source: Source, override: str, written: str | None = None) -> None:
             assign(source, keys, scalar(text, place), place)
         except RecipeError as error:
             source.mistakes += error.mistakes
+
+
+def _add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
+    """Vary a value as a line of the matrix would; where the matrix does so already, instead of it."""
+    matrix = source.data.setdefault("matrix", {})
+    if isinstance(matrix, dict):  # anything else is a mistake that is told later
+        matrix[axis] = list(values)
+        source.values.setdefault(("matrix",), source.values[()])
+        for number, value in enumerate(values):
+            source.values["matrix", axis, number] = Place(f"--{axis.rpartition('.')[2]} {value}")
 
 
 def _varied(rows: Any) -> set[str]:

@@ -27,6 +27,10 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
     schema["properties"] |= {
         "extends": {"type": "string", "description": "a recipe to start from, relative to this file"},
+        "recipes": {
+            "type": "array",
+            "description": "recipes to compare, each with the rest of this file laid over it",
+        },
         "matrix": {
             "type": "object",
             "additionalProperties": {"type": "array"},

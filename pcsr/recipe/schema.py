@@ -111,6 +111,19 @@ class Evaluate(Section):
     """The first so many of the test split; None: all."""
     examples: Annotated[int, Field(ge=0, le=16)] = 4
     """Objects that the report shows."""
+    published: dict[str, float] = Field(default_factory=dict)
+    """What a publication says of this network: metrics times 10³, `s/cloud`, `s/epoch`; tables show it beside ours."""
+
+
+class Patches(Section):
+    """The field's protocol: small patches, each seen alone, merged and thinned by farthest points."""
+
+    points: Annotated[int, Field(ge=16)] = 256
+    """Points of a patch."""
+    rate: Annotated[int, Field(ge=2, le=64)] = 4
+    """Points that the network makes of each. To reach the rate of the data it is applied again to what it made."""
+    cover: Annotated[float, Field(ge=1, le=16)] = 3.0
+    """In how many patches a point is, in the mean."""
 
 
 class Recipe(Section):
@@ -121,8 +134,20 @@ class Recipe(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     data: Data
     model: Model
+    patches: Patches | None = None
+    """None: the whole cloud in one pass, as TAPSR does it."""
     train: Train
     evaluate: Evaluate = Evaluate()
+
+    @property
+    def network_points(self) -> int:
+        """Points of a cloud as the network sees it."""
+        return self.patches.points if self.patches else self.data.points
+
+    @property
+    def network_rate(self) -> int:
+        """Points that the network makes of each."""
+        return self.patches.rate if self.patches else self.data.rate
 
     @property
     def touch_range(self) -> tuple[int, int]:
@@ -148,7 +173,10 @@ class Recipe(Section):
         plain = self.resolved()
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
         train = plain["train"] | {"touches": list(self.touch_range)}
-        return _hash({"seed": self.seed, "data": data, "model": plain["model"], "train": train})
+        decisive = {"seed": self.seed, "data": data, "model": plain["model"], "train": train}
+        if self.patches:
+            decisive["patches"] = plain["patches"] | {"cover": None}
+        return _hash(decisive)
 
     @property
     def data_seed(self) -> int:

@@ -104,8 +104,8 @@ def _metrics(results: Results) -> str:
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())
-    table = _table(["method", *map(html.escape, heads), "parameters", "seconds per cloud"], rows)
-    return f'<section id="metrics"><h2>Metrics</h2>{table}<dl>{meanings}</dl></section>'
+    shown = table(["method", *map(html.escape, heads), "parameters", "seconds per cloud"], rows)
+    return f'<section id="metrics"><h2>Metrics</h2>{shown}<dl>{meanings}</dl></section>'
 
 
 def _groups(results: Results, metric: str) -> str:
@@ -120,10 +120,10 @@ def _groups(results: Results, metric: str) -> str:
         [html.escape(g), str(results.groups.count(g)), *(f"{v:#.4g}" for name in means for v in means[name][g])]
         for g in means[metric]
     ]
-    table = _table(["group", "objects", *heads], rows)
+    shown = table(["group", "objects", *heads], rows)
     return (
         '<section id="by-group"><h2>By group of objects</h2><div class="chart" data-chart="groups"></div>'
-        f"<details><summary>Every metric as a table</summary>{table}</details></section>"
+        f"<details><summary>Every metric as a table</summary>{shown}</details></section>"
     )
 
 
@@ -187,7 +187,7 @@ def _recipe(results: Results) -> str:
     )
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of cells that are HTML already."""
     head = "".join(f'<th scope="col">{h}</th>' for h in heads)
     body = "\n".join(

@@ -34,7 +34,7 @@ def scores(results: Results) -> list[dict[str, Score]]:
         values = np.array([m.values[metric] for m in results.methods]) * note.scale
         means = values.mean(1)
         deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
-        decimals = _decimals(float(means.min()))
+        decimals = decimals_of(float(means.min()))
         for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
             compared = results.baseline not in (None, method.name)
             row[metric] = Score(
@@ -65,5 +65,6 @@ def scaled(metric: str, scale: float) -> str:
     return f"{metric} ×{scale:g}"
 
 
-def _decimals(smallest: float) -> int:
+def decimals_of(smallest: float) -> int:
+    """As many as give the smallest number of a column three significant digits."""
     return max(0, 2 - math.floor(math.log10(smallest))) if smallest > 0 else 3

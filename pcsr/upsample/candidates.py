@@ -60,7 +60,7 @@ class Networked(Candidates):
     def of(cls, network: Network, recipe: Recipe) -> "Networked":
         """The network of a recipe, as it was trained."""
         points = recipe.data.touch.options.get("points", 512)
-        return cls(network, recipe.data.points, recipe.data.rate, recipe.most_touches, int(points))
+        return cls(network, recipe.network_points, recipe.network_rate, recipe.most_touches, int(points))
 
     @torch.inference_mode()
     def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:

@@ -1,14 +1,17 @@
 """Batches follow from seed, step and place alone."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.data.batches import JITTER, SCALE, Batches, _rotation
+from pcsr.data.batches import JITTER, SCALE, Batches, _rotation, in_patch
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
+from pcsr.recipe import Patches
 
 ALL = ("redraw", "even", "rotate", "scale", "jitter")
 
@@ -33,7 +36,7 @@ def batches(*augment: str, size: int = 4, touches: tuple[int, int] = (0, 3), see
 
 
 def clouds(batch):
-    return batch.points, batch.touches, batch.truth
+    return batch.points, batch.touches, batch.mask, batch.truth
 
 
 @given(step=st.integers(0, 50))
@@ -151,3 +154,57 @@ def test_jitter_moves_the_sparse_cloud_alone_and_little():
     noise = moved.points - still.points
     assert noise.abs().max() <= 3 * JITTER + 1e-6
     assert float(noise.std()) == pytest.approx(JITTER, rel=0.3)
+
+
+PATCHES = Patches.model_construct(points=5, rate=3, cover=3.0)
+
+
+def patched(*augment, touches=(0, 3), seed=5):
+    return Batches(split(), 4, touches, augment, seed, PATCHES)
+
+
+@given(seed=st.integers(0, 20))
+def test_a_patch_is_the_neighbourhood_of_a_point_and_its_sparse_cloud_part_of_it(seed):
+    made = patched(touches=(0, 0), seed=seed)
+    batch = made.at(0)
+    assert batch.points.shape == (4, 5, 3)
+    assert batch.truth.shape == (4, 15, 3)
+    for points, truth in zip(batch.points, batch.truth, strict=True):
+        whole = truth[torch.cdist(points, truth).argmin(1)]
+        torch.testing.assert_close(points, whole, atol=1e-5, rtol=0)
+    order = np.random.default_rng((seed, 0)).permutation(7)[:4]
+    for item, truth in zip(order, batch.truth, strict=True):
+        _assert_a_neighbourhood(made.split.truth[item], truth)
+
+
+def _assert_a_neighbourhood(whole, patch):
+    """Up to scale and place, the patch is some point's 15 nearest."""
+    spread = torch.cdist(patch, patch)
+    for seed in range(len(whole)):
+        near = whole[(whole - whole[seed]).norm(dim=1).argsort()[:15]]
+        own = torch.cdist(near, near)
+        if torch.allclose((own / own.max()).sort().values, (spread / spread.max()).sort().values, atol=1e-3):
+            return
+    raise AssertionError("no point has these for its nearest")
+
+
+def test_a_touch_belongs_to_a_patch_if_its_middle_lies_in_its_sphere():
+    touches = torch.tensor([[[0.0, 0, 0], [1.8, 0, 0]], [[0.9, 0, 0], [1.3, 0, 0]], [[0.0, 0, 5], [0.0, 0, -5]]])
+    assert in_patch(touches).tolist() == [True, False, True]
+    made = patched("rotate", "scale", touches=(3, 3))
+    masks = torch.cat([made.at(step).mask for step in range(30)])
+    assert masks.shape[1] == 3
+    assert 0 < masks.float().mean() < 1
+
+
+def test_many_patches_are_around_a_touch():
+    given = split()
+    felt = [0.01 * touch + truth[0] for touch, truth in zip(given.touches, given.truth, strict=True)]
+    far = dataclasses.replace(given, touches=felt)
+    made = Batches(far, 7, (1, 1), (), 0, PATCHES)
+    at_touch = [row.any() for step in range(20) for row in made.at(step).mask]
+    assert 0.5 < np.mean(at_touch) < 1
+
+
+def test_without_patches_every_touch_is_there():
+    assert batches(touches=(2, 2)).at(0).mask.all()

@@ -169,3 +169,23 @@ def test_what_could_not_be_read_is_one_mistake_beside_the_others(write, registry
         "recipe.yaml:2:7: recipes are plain data: remove the tag !env",
         "recipe.yaml:3:17: data.touches: input should be less than or equal to 16, got 99",
     ]
+
+
+@pytest.mark.parametrize(
+    ("patches", "said"),
+    [
+        (
+            "{rate: 3}",
+            "17: patches.rate is 3, and no power of it is data.rate, 16: "
+            "applied again and again, the network never makes so many points",
+        ),
+        (
+            "{points: 4096}",
+            "19: patches.points: a patch of 4096 points has 16384 of the truth's, which are only 8192: make it smaller",
+        ),
+    ],
+)
+def test_patches_that_the_data_has_not(write, registry, patches, said):
+    path = write(f"name: a\npatches: {patches}", model=True)
+    (line,) = lines(path, registry)
+    assert line == f"recipe.yaml:2:{said}"

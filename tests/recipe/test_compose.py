@@ -303,3 +303,59 @@ def test_a_matrix_varies_no_composition(write, axis):
     (mistake,) = made.mistakes
     assert (mistake.place.line, mistake.place.column) == (2, 21)
     assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"
+
+
+def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
+    write("name: one\nseed: 1\ntrain: {epochs: 9, batch: 2}", "some/one.yaml")
+    write("extends: one.yaml\nname: two", "some/two.yaml")
+    path = write("""
+        name: study
+        train: {epochs: 5}
+        recipes:
+          - some/one.yaml
+          - {use: some/two.yaml, train.batch: 4}
+          - {use: some/two.yaml, name: three, seed: 7}
+    """)
+    one, two, three = compose(path, ["train.rate=0.5"])
+    assert one.data == {"name": "study-one", "seed": 1, "train": {"epochs": 5, "batch": 2, "rate": 0.5}}
+    assert two.data == {"name": "study-two", "seed": 1, "train": {"epochs": 5, "batch": 4, "rate": 0.5}}
+    assert three.data == {"name": "study-three", "seed": 7, "train": {"epochs": 5, "batch": 2, "rate": 0.5}}
+    assert two.place(("train", "batch")) == Place(str(path), 5, 39)
+    assert one.place(("train", "batch")).origin.endswith("one.yaml")
+
+
+def test_a_study_may_have_a_matrix_too(write):
+    write("name: one", "one.yaml")
+    write("name: two\nmatrix: {seed: [1]}", "two.yaml")
+    runs = compose(write("name: study\nrecipes: [one.yaml, two.yaml]\nmatrix: {data.touches: [0, 4]}"))
+    assert [run.data["name"] for run in runs] == [
+        "study-one-touches.0",
+        "study-one-touches.4",
+        "study-two-seed.1-touches.0",
+        "study-two-seed.1-touches.4",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("recipes", "said"),
+    [
+        ("one.yaml", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
+        ("[]", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
+        ("[3]", r"recipe\.yaml:2:11: a recipe to compare is a file, or"),
+        ("[{seed: 3}]", r"recipe\.yaml:2:\d+: a recipe to compare is a file, or"),
+        ("[nothing.yaml]", r"recipe\.yaml:2:11: there is no recipe .*nothing\.yaml: it is relative to this file"),
+    ],
+)
+def test_a_study_of_what_is_no_recipe(write, recipes, said):
+    with pytest.raises(RecipeError, match=said):
+        compose(write(f"name: study\nrecipes: {recipes}"))
+
+
+def test_axes_from_outside_vary_as_a_matrix_does(write):
+    path = write("name: a\nmodel: {encoder: net}\nmatrix: {seed: [5], data.touches: [0]}")
+    runs = compose(path, (), {"model.fusion": ["x", "y"], "seed": [0, 1]})
+    assert [run.data["name"] for run in runs] == [
+        f"a-seed.{seed}-touches.0-fusion.{fusion}" for seed in (0, 1) for fusion in ("x", "y")
+    ]
+    assert runs[1].data["model"] == {"encoder": {"use": "net"}, "fusion": {"use": "y"}}
+    assert runs[1].place(("model", "fusion", "use")) == Place("--fusion y")

@@ -42,7 +42,7 @@ def test_each_default_is_true_and_none_is_left_out(registry, write):
     documented = dict(ROWS)
     assert documented.keys() == plain.keys()
     for key, text in documented.items():
-        value = plain[key]["use"] if isinstance(plain[key], dict) else plain[key]
+        value = plain[key].get("use", plain[key]) if isinstance(plain[key], dict) else plain[key]
         if key not in ("name", "train.augment"):
             assert YAML(typ="safe", pure=True).load(text.strip("`")) == value, key
 

@@ -44,10 +44,12 @@ def test_sections_and_composition(registry):
         "seed",
         "data",
         "model",
+        "patches",
         "train",
         "evaluate",
         "extends",
         "matrix",
+        "recipes",
     }
     assert schema["required"] == []  # a recipe that extends another may leave out everything
     assert "touches" in schema["$defs"]["Data"]["properties"]

@@ -42,6 +42,7 @@ def test_defaults_are_filled_in(write, registry):
             "backbone": {"use": "refine", "steps": 3},
             "upsampler": {"use": "dense"},
         },
+        "patches": None,
         "train": {
             "objective": {"use": "chamfer"},
             "epochs": 300,
@@ -54,7 +55,13 @@ def test_defaults_are_filled_in(write, registry):
             "touches": None,
             "precision": "32-true",
         },
-        "evaluate": {"metrics": ["cd", "hd", "emd"], "beside": ["midpoint"], "objects": None, "examples": 4},
+        "evaluate": {
+            "metrics": ["cd", "hd", "emd"],
+            "beside": ["midpoint"],
+            "objects": None,
+            "examples": 4,
+            "published": {},
+        },
     }
 
 
@@ -89,7 +96,9 @@ def test_a_part_is_built_from_its_options(write, registry):
 WEIGHTS_CHANGE = ["seed=1", "data.points=256", "data.rate=8", "data.shapes.count=11", "data.sampling=fps"]
 WEIGHTS_CHANGE += ["model.encoder.channels=16", "model.fusion={use: attention, heads: 1}", "train.epochs=1"]
 WEIGHTS_CHANGE += ["train.touches=[0, 4]", "train.augment=[]", "train.touches=3", "data.touches=5"]
+WEIGHTS_CHANGE += ["patches={points: 64}"]
 WEIGHTS_STAY = [
+    "patches=null",
     "name=b",
     "evaluate.metrics=[cd]",
     "evaluate.examples=1",
@@ -193,3 +202,14 @@ def test_an_option_without_a_type_is_refused():
 
     with pytest.raises(TypeError, match="option 'size' of Untyped has no type: annotate it"):
         options_model(Untyped)
+
+
+def test_what_the_network_sees_is_a_patch_or_the_whole(write, registry):
+    whole, cut = recipe(write, registry), recipe(write, registry, overrides=["patches={points: 64, rate: 2}"])
+    assert (whole.network_points, whole.network_rate) == (512, 16)
+    assert (cut.network_points, cut.network_rate) == (64, 2)
+
+
+def test_how_often_patches_cover_a_cloud_does_not_decide_the_weights(write, registry):
+    once, thrice = (recipe(write, registry, overrides=[f"patches={{cover: {cover}}}"]) for cover in ("1.0", "3.0"))
+    assert once.fingerprint == thrice.fingerprint

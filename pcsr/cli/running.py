@@ -1,0 +1,110 @@
+"""What `pcsr run` and `pcsr compare` share: where to compute, and one run after another to the tables."""
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from pcsr.cli.options import FILE
+
+if TYPE_CHECKING:
+    from pcsr.recipe import Recipe
+    from pcsr.registry import Registry
+
+Result = TypeVar("Result")
+
+_OPTIONS = (
+    click.option(
+        "--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."
+    ),
+    click.option(
+        "--device",
+        type=click.Choice(["auto", "cpu", "cuda"]),
+        default="auto",
+        show_default=True,
+        help="Where to compute; auto is cuda where there is one.",
+    ),
+    click.option(
+        "--devices",
+        type=click.IntRange(1),
+        default=1,
+        show_default=True,
+        help="Processes on this machine, one for each GPU.",
+    ),
+    click.option(
+        "--nodes",
+        type=click.IntRange(1),
+        default=1,
+        show_default=True,
+        help="Machines, as torchrun or SLURM started them.",
+    ),
+    click.option(
+        "--jobs", type=click.IntRange(1), default=None, help="Processes for data and metrics.  [default: all cores]"
+    ),
+    click.option(
+        "--data",
+        type=FILE,
+        default=None,
+        help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own.",
+    ),
+)  # fmt: skip
+
+
+def place_options(command: Callable[..., Result]) -> Callable[..., Result]:
+    """Give a command the options of `pcsr.run.Place`, and hand it their values as `where`."""
+
+    @functools.wraps(command)
+    def with_place(
+        *args: object, runs: Path, device: str, devices: int, nodes: int, jobs: int, data: Path, **kwargs: object
+    ) -> Result:
+        where = {"runs": runs, "device": device, "devices": devices, "nodes": nodes, "jobs": jobs, "data": data}
+        return command(*args, where=where, **kwargs)
+
+    for option in reversed(_OPTIONS):
+        with_place = option(with_place)
+    return with_place
+
+
+def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, Any], name: str) -> None:
+    """Run recipes one after another; of several, end in their common tables, on the screen and as a page.
+
+    Args:
+        recipes: at least one.
+        registry: gives their parts.
+        where: as `place_options` hands it over.
+        name: of the study, and of its page.
+    """
+    import torch
+    from rich.console import Console
+
+    from pcsr import report
+    from pcsr.data.plan import on_data
+    from pcsr.data.shards import read_manifest
+    from pcsr.run import Place, run, run_folder
+
+    console = Console()
+    place = Place(**where)
+    if place.data is not None:
+        manifest = read_manifest(place.data)
+        recipes = [on_data(one, manifest, place.data, registry) for one in recipes]
+        console.print(
+            f"data: all but the number of touches is as {place.data} says, whatever the recipe's section data does",
+            markup=False,
+            soft_wrap=True,
+        )
+    everything = []
+    for one in recipes:
+        results = run(one, registry, place, console)
+        if results:  # one process of several has them
+            everything.append(results)
+            console.print(report.table(results))
+            console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True)
+    if len(everything) > 1:
+        for one_table in report.compare(everything, name):
+            console.print(one_table.on_screen())
+        console.print(f"all of them: {report.write_comparison(everything, name, place.runs)}", soft_wrap=True)
+    if torch.distributed.is_available() and torch.distributed.is_initialized():
+        # Left to the end of the process, its threads may still run then, and it would abort.
+        torch.distributed.destroy_process_group()

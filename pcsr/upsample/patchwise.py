@@ -1,0 +1,79 @@
+"""The field's protocol: overlapping patches, each in its own unit sphere, merged and thinned by farthest points.
+
+As PU-Net (Yu et al., CVPR 2018, Sec. 3.1) and PU-GAN (Li et al., ICCV 2019) cut and merge them. Where the rate of the
+network is less than what is asked for, it is applied to what it made, as the field makes 16x of 4x.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+
+from pcsr.data.batches import in_patch
+from pcsr.errors import RunError
+from pcsr.geometry.farthest import farthest_points
+from pcsr.geometry.frames import UnitSphere
+from pcsr.model import Network
+from pcsr.recipe import Patches
+
+AT_ONCE = 8
+"""Patches that the network sees together."""
+
+Cloud = Float[np.ndarray, "_ 3"]
+
+
+@torch.inference_mode()
+def upsample_patches(
+    network: Network, points: Cloud, rate: int, touches: Sequence[Cloud], patches: Patches
+) -> Float[np.ndarray, "rn 3"]:
+    """Upsample one cloud by patches.
+
+    Args:
+        network: in `eval` mode, of the rate of `patches`.
+        points: the sparse cloud, in any frame and unit.
+        rate: output points for each input point, a power of the patches' rate.
+        touches: touched points in the frame and unit of `points`, the same number for each touch.
+        patches: how to cut.
+
+    Returns:
+        The dense cloud in the frame and unit of `points`, float64.
+
+    Raises:
+        UserError: a cloud that is empty or not finite.
+        RunError: the network gave something that is not finite.
+    """
+    sphere = UnitSphere.fit(points)
+    cloud = sphere.apply(points)
+    felt = np.stack([sphere.apply(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
+    goal = rate * len(points)
+    while len(cloud) < goal:
+        cloud = _pass(network, cloud, felt, patches)
+    return sphere.undo(cloud)
+
+
+def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patches: Patches) -> Cloud:
+    """Every patch through the network once."""
+    n = len(cloud)
+    size = min(patches.points, n)
+    count = min(n, math.ceil(patches.cover * n / size)) if n > size else 1
+    seeds = cloud[farthest_points(cloud, count)]
+    rows = cKDTree(cloud).query(seeds, range(1, size + 1))[1]
+    device = next(network.parameters()).device
+    made = []
+    for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
+        spheres = [UnitSphere.fit(cloud[patch]) for patch in some]
+        inside = torch.from_numpy(np.stack([s.apply(cloud[p]) for s, p in zip(spheres, some, strict=True)]))
+        touches, mask = None, None
+        if len(felt):
+            touches = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
+            mask = in_patch(touches)
+        dense = network(inside.to(device), patches.rate, touches, mask).float().cpu().numpy()
+        made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
+    merged = np.concatenate(made)
+    if not np.isfinite(merged).all():
+        raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
+    thinned: Cloud = merged[farthest_points(merged, patches.rate * n)].astype(np.float32)
+    return thinned

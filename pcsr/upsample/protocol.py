@@ -1,0 +1,26 @@
+"""The way in which a recipe's network is applied: to the whole cloud at once, or to patches of it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.model import Network
+from pcsr.recipe import Recipe
+from pcsr.upsample.patchwise import upsample_patches
+from pcsr.upsample.whole import upsample
+
+
+def upsample_as(
+    recipe: Recipe,
+    network: Network,
+    points: Float[np.ndarray, "n 3"],
+    touches: Sequence[Float[np.ndarray, "m 3"]] = (),
+) -> Float[np.ndarray, "rn 3"]:
+    """Upsample one cloud at the recipe's rate, as its tables are made.
+
+    Args and errors as those of `upsample` and `upsample_patches`.
+    """
+    if recipe.patches is None:
+        return upsample(network, points, recipe.data.rate, touches)
+    return upsample_patches(network, points, recipe.data.rate, touches, recipe.patches)

@@ -1,0 +1,119 @@
+"""Several runs in one table."""
+
+import copy
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from pcsr.errors import UserError
+from pcsr.report import compare, write_comparison
+from pcsr.report.comparison import variants
+from pcsr.report.results import parse_results
+
+
+def run(results, name, *, seed=0, factor=1.0, published=None, **recipe):
+    made = copy.deepcopy(results)
+    made |= {"name": name, "seed": seed}
+    made["recipe"] |= {
+        "name": name,
+        "seed": seed,
+        "train": {"epochs": 10},
+        "evaluate": {"published": published or {}},
+        **recipe,
+    }
+    own = made["methods"][0]
+    own["name"] = name
+    own["values"] = {metric: [factor * value for value in values] for metric, values in own["values"].items()}
+    return made
+
+
+def printed(comparison):
+    console = Console(file=io.StringIO(), width=200)
+    console.print(comparison.on_screen())
+    return console.file.getvalue()
+
+
+def line(comparison, label):
+    (found,) = [cells for cells in comparison.cells if cells[0] == label]
+    return dict(zip(comparison.heads, found, strict=True))
+
+
+def test_each_recipe_is_a_row_and_each_baseline_is_there_once(results):
+    (made,) = compare([run(results, "study-a", model=1), run(results, "study-b", model=2, factor=0.5)], "study")
+    assert [cells[0] for cells in made.cells] == ["a", "b", "midpoint", "a <b>&"]
+    values = 1000 * np.array(results["methods"][0]["values"]["cd"])
+    assert line(made, "a")["cd ×10³"] == f"{values.mean():.3f} ± {values.std(ddof=1):.3f}"
+    assert line(made, "b")["cd ×10³"].splitlines() == [
+        f"{values.mean() / 2:.3f} ± {values.std(ddof=1) / 2:.3f}",
+        "6/6 wins",
+    ]
+    assert line(made, "b")["s/epoch"] == "360"
+    assert line(made, "midpoint")["s/epoch"] == ""
+    assert line(made, "midpoint")["parameters"] == ""
+    assert "6 objects, test split of cad-parts; 64 points to 256" in made.note
+    assert "over the objects" in made.note
+
+
+def test_a_baseline_on_other_clouds_is_another_row(results):
+    other = run(results, "study-b", model=2)
+    other["methods"][1]["values"]["cd"][0] *= 2
+    (made,) = compare([run(results, "study-a", model=1), other], "study")
+    assert [cells[0] for cells in made.cells].count("midpoint") == 2
+
+
+def test_runs_that_differ_in_their_seed_alone_are_one_row(results):
+    runs = [run(results, f"study-a-seed.{seed}", seed=seed, factor=1 + seed) for seed in range(3)]
+    runs.append(run(results, "study-b", model=2))
+    (made,) = compare(runs, "study")
+    means = 1000 * np.mean(results["methods"][0]["values"]["cd"]) * np.array([1, 2, 3])
+    assert line(made, "a")["cd ×10³"] == f"{means.mean():.3f} ± {means.std(ddof=1):.3f}"
+    assert "over the means of 3 seeds (0, 1, 2)" in made.note
+    row, _ = variants([parse_results(one) for one in runs], "study")
+    assert row.values["cd"].shape == (3, 6)
+
+
+def test_what_was_published_stands_beside_it(results):
+    (made,) = compare(
+        [run(results, "a", published={"cd": 0.671, "s/cloud": 0.0241}), run(results, "b", model=2)], "study"
+    )
+    assert line(made, "a")["cd ×10³"].endswith("\npublished 0.671")
+    assert line(made, "a")["s/cloud"].endswith("\npublished 0.0241")
+    assert "published" not in line(made, "a")["hd ×10³"]
+
+
+@pytest.mark.parametrize("axis", ["touches", "rate"])
+def test_touches_and_rates_become_columns(results, axis):
+    runs = [
+        run(results, f"study-{name}-{axis}.{k}", factor=1 + k, model=name, data=k, published={"cd": float(k)})
+        for name in ("x", "y")
+        for k in (0, 2)
+    ]
+    whole, pivot = compare(runs[:3], "study")
+    assert len(whole.cells) == 5
+    assert pivot.heads == [axis, "0", "2"]
+    mean = 1000 * np.mean(results["methods"][0]["values"]["cd"])
+    assert pivot.cells == [
+        ["x", f"{mean:.3f}\npublished 0", f"{3 * mean:.3f}\npublished 2"],
+        ["y", f"{mean:.3f}\npublished 0", ""],
+    ]
+
+
+def test_names_are_no_markup_on_screen_or_page(results, tmp_path):
+    runs = [run(results, "study-[red]a", model=1), run(results, "study-<b>b", model=2)]
+    assert "[red]a" in printed(compare(runs, "study")[0])
+    page = write_comparison(runs, "study", tmp_path)
+    assert page == tmp_path / "study.html"
+    text = page.read_text(encoding="utf-8")
+    assert "<b>b" not in text
+    assert "&lt;b&gt;b" in text
+    assert "6/6 wins" not in text
+    assert "0/6 wins" in text
+
+
+def test_malformed_results_are_named(results):
+    broken = run(results, "a")
+    del broken["methods"][0]["seconds"]
+    with pytest.raises(UserError, match=r"methods\.0\.seconds"):
+        compare([broken], "study")
