@@ -187,7 +187,8 @@ class Objective(nn.Module, Part):
         mask: TouchMask | None = None,
     ) -> dict[str, Float[Tensor, ""]]:
         """What training calls; to be overridden where more than the network's result is judged."""
-        return self(network(points, rate, touches, mask), truth)
+        losses: dict[str, Float[Tensor, ""]] = self(network(points, rate, touches, mask), truth)
+        return losses
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ from pcsr.upsample import upsample_as
 
 CHECKPOINT = "checkpoint.safetensors"
 HISTORY = "metrics.jsonl"
+WATCHED = 16
+"""Objects of the validation split that are measured on the way: enough to see where it goes."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def train(
         recipe: the resolved recipe.
         registry: where its parts come from.
         data: what to train on.
-        validation: measured ten times on the way.
+        validation: some of it is measured ten times on the way.
         run: takes the checkpoint and `metrics.jsonl`.
         fabric: launched; says where to compute, with how many processes, in which precision.
         shown: called after each step.
@@ -98,10 +100,13 @@ def train(
         )
     # Drawn anew, a cloud that was seen from one side or spaced out would no longer be one.
     augment = [name for name in settings.augment if name != "redraw" or recipe.data.sampling == "random"]
+    watched = validation.spread(min(WATCHED, len(validation)))
     size = min(settings.batch, len(data))
     batches = Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
     network = build(recipe, registry)
-    model = _Training(network, settings.objective.build(registry, "objective"))
+    with torch.random.fork_rng(devices=[]):  # an objective may have weights that begin at random
+        torch.manual_seed(recipe.seed)
+        model = _Training(network, settings.objective.build(registry, "objective"))
     optimizer = _optimizer(recipe, model)
     checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
     step, before = 0, 0.0
@@ -148,7 +153,7 @@ def train(
                         {
                             "epoch": epoch,
                             "step": step,
-                            "validation": {"cd": validate(network, validation, recipe)},
+                            "validation": {"cd": validate(network, watched, recipe)},
                         }
                     )
                 shown(Progress(step, steps, total, seconds))

@@ -219,6 +219,7 @@ class Judge(Objective):
     def __init__(self) -> None:
         super().__init__()
         self.own = torch.nn.Parameter(torch.ones(()))
+        self.drawn = torch.nn.Parameter(torch.rand(()), requires_grad=False)
 
     def forward(self, prediction, target):
         return {"off": (prediction.mean(1) - target.mean(1)).square().sum() + self.own}
@@ -234,9 +235,12 @@ def test_an_objective_may_judge_more_than_the_result_and_learn_at_its_own_pace(r
     spec = recipe.train.objective.model_copy(update={"use": "judge", "options": {}})
     recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"objective": spec, "decay": 1.0})})
     trained(recipe, tmp_path / "run", registry=registry)
+    torch.rand(3)  # whatever the process drew before, its weights are those of the recipe's seed
+    trained(recipe, tmp_path / "again", registry=registry)
+    assert torch.equal(*(load_file(tmp_path / run / CHECKPOINT)["model.objective.drawn"] for run in ("run", "again")))
     assert all(line["losses"]["stages"] == 1 for line in history(tmp_path / "run") if "losses" in line)
     own = load_file(tmp_path / "run" / CHECKPOINT)
-    (weight,) = [value for key, value in own.items() if key.endswith("objective.own")]
+    weight = own["model.objective.own"]
     # The gradient is always 1, so that each step of Adam is as long as its rate.
     assert float(weight) == pytest.approx(1 - STEPS * recipe.train.rate * Judge.pace, rel=1e-4)
 

@@ -30,7 +30,7 @@ def compose(path: Path, overrides: Sequence[str] = (), axes: Mapping[str, Sequen
         RecipeError: a file that is not YAML, or extends or compares what it can't. Other mistakes go into the sources.
         UserError: a file that can't be read.
     """
-    runs = []
+    runs: list[Source] = []
     for source in compared(path, _with_parents(path, ())):
         for override in overrides:
             lay_over(source, override)

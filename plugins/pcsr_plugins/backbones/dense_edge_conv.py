@@ -1,0 +1,52 @@
+"""The feature extraction of PU-GAN and Dis-PU: dense edge convolutions in a row, each of which sees all before it.
+
+Li et al., "PU-GAN: a Point Cloud Upsampling Adversarial Network", ICCV 2019, Sec. 3.2, after Wang et al., "Patch-based
+Progressive 3D Point Set Upsampling" (3PU), CVPR 2019; Li et al., "Point Cloud Upsampling via Disentangled
+Refinement" (Dis-PU), CVPR 2021, takes it over as it is. At the published widths its 24 input channels become 120, 240,
+360 and 480.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import nn
+from torch.nn import functional as F
+
+from pcsr import Backbone, Trait, Widths
+from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConv
+
+
+class DenseEdgeConvs(Backbone):
+    """Blocks of dense edge convolutions, joined by one layer that narrows what came so far.
+
+    The coordinates come in through the features alone: each block looks for its neighbours among those.
+    """
+
+    traits = frozenset({Trait.POINT_ORDER_FREE})
+
+    def __init__(
+        self,
+        widths: Widths,
+        *,
+        blocks: int = 4,
+        layers: int = 3,
+        growth: int = 24,
+        between: int = 48,
+        neighbours: int = 16,
+    ) -> None:
+        super().__init__()
+        self.channels = widths.visual
+        self.blocks, self.narrow = nn.ModuleList(), nn.ModuleList()
+        for step in range(blocks):
+            if step:
+                self.narrow.append(nn.Linear(self.channels, between))
+            block = DenseEdgeConv(between if step else widths.visual, growth, layers, neighbours)
+            self.blocks.append(block)
+            self.channels += block.channels
+
+    def forward(self, points: Points, features: Features) -> Float[torch.Tensor, "b n refined"]:
+        """Refine the features; the newest channels come first, the encoder's last."""
+        for step, block in enumerate(self.blocks):
+            narrow = F.relu(self.narrow[step - 1](features)) if step else features
+            features = torch.cat([block(narrow), features], dim=-1)
+        return features

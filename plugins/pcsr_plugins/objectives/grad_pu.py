@@ -1,0 +1,69 @@
+"""Grad-PU's objective: the network is asked for distances, not for a cloud.
+
+He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with Learned Distance Functions",
+CVPR 2023, Sec. 3.3. Places are the interpolated points with noise of 0.02 radii; what the regressor says there is
+compared with the distance to the nearest point of the truth: L1, summed over the places, averaged over the batch.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcsr import Objective, Upsampling, UserError
+from pcsr.geometry.neighbours import gather
+from pcsr.metrics.nearest import nearest
+from pcsr.tensors import Dense, Points, TouchMask, TouchPoints
+from pcsr_plugins.upsamplers.descent import Descent
+
+
+class GradPU(Objective):
+    """Absolute error of the distances that the upsampler `descent` predicts."""
+
+    calls: Tensor
+    """Batches so far: the noise follows from it alone, and it is kept with the weights, so a run that stopped and went
+    on has the noise of one that never stopped."""
+
+    def __init__(self, *, sigma: float = 0.02) -> None:
+        super().__init__()
+        self.sigma = sigma
+        self.register_buffer("calls", torch.zeros((), dtype=torch.int64))
+
+    def losses(
+        self,
+        network: Upsampling,
+        points: Points,
+        truth: Float[Tensor, "b g 3"],
+        rate: int,
+        touches: TouchPoints | None = None,
+        mask: TouchMask | None = None,
+    ) -> dict[str, Float[Tensor, ""]]:
+        """One loss, named `distance`.
+
+        Raises:
+            UserError: the network's upsampler predicts no distances.
+        """
+        upsampler = network.upsampler
+        if not isinstance(upsampler, Descent):
+            raise UserError(
+                f"objective 'grad-pu' judges distances, and the upsampler {type(upsampler).__name__} predicts none: "
+                f"set model.upsampler to descent, or train.objective to chamfer"
+            )
+        start = upsampler.start(points, rate)
+        cloud, features = network.refine(start, touches, mask)
+        places = self._noisy(start)
+        predicted = upsampler.distance(places, cloud, features)
+        return {"distance": (predicted - distance(places, truth)).abs().sum(1).mean()}
+
+    def _noisy(self, places: Dense) -> Dense:
+        generator = torch.Generator().manual_seed(int(self.calls))
+        if self.training:
+            self.calls += 1
+        noise = torch.randn(places.shape, generator=generator, dtype=places.dtype)
+        return places + self.sigma * noise.to(places.device)
+
+
+def distance(places: Dense, truth: Float[Tensor, "b g 3"]) -> Float[Tensor, "b rn"]:
+    """How far each place is from the nearest true point."""
+    met = gather(truth, nearest(places, truth).unsqueeze(-1)).squeeze(2)
+    apart: Tensor = (places - met).norm(dim=-1)
+    return apart

@@ -1,0 +1,38 @@
+"""NodeShuffle, the upsampler of PU-GCN.
+
+Qian et al., "PU-GCN", CVPR 2021, Sec. 3.1 and 3.3: an edge convolution widens each point's features r times, on the
+graph of the 20 nearest points in space; a periodic shuffle cuts them into r points; an MLP predicts the way of each
+from the input point (the paper's figure has no such residual, its published code does).
+"""
+
+from torch import nn
+from torch.nn import functional as F
+
+from pcsr import Trait, Upsampler, UserError, Widths
+from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.edge_conv import EdgeConv, graph
+
+
+class NodeShuffle(Upsampler):
+    """Widens each point's channels by its neighbours, then cuts them into r pieces: one for each new point."""
+
+    traits = frozenset({Trait.POINT_ORDER_FREE})
+
+    def __init__(self, widths: Widths, *, channels: int = 64, hidden: int = 32, neighbours: int = 20) -> None:
+        super().__init__()
+        self.rate = widths.rate
+        self.neighbours = neighbours
+        self.reduce = nn.Linear(widths.refined, channels)
+        self.widen = EdgeConv(channels, channels * widths.rate)
+        self.coordinates = nn.Sequential(nn.Linear(channels, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, 3))
+
+    def forward(self, points: Points, features: Features, rate: int) -> Dense:
+        """Widen, shuffle and reconstruct."""
+        if rate != self.rate:
+            raise UserError(
+                f"this 'node-shuffle' was built for rate {self.rate}, not {rate}: train one for rate {rate}"
+            )
+        b, n, _ = features.shape
+        wide = self.widen(F.relu(self.reduce(features)), graph(points, self.neighbours))
+        ways: Dense = self.coordinates(wide.reshape(b, n * rate, -1))
+        return points.repeat_interleave(rate, dim=1) + ways

@@ -1,0 +1,220 @@
+"""3PU's parts: their sizes as published, and each against a slow and obvious form of itself."""
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch.nn import functional as F
+
+from pcsr import Trait, Upsampler, UserError, Widths
+from pcsr.geometry.farthest import farthest_points
+from pcsr.metrics.chamfer import chamfer
+from pcsr.model import Network
+from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
+from pcsr_plugins.encoders.linear import Linear
+from pcsr_plugins.fusions.none import NoFusion
+from pcsr_plugins.objectives.progressive import ProgressiveChamfer
+from pcsr_plugins.upsamplers.progressive import Expansion, Progressive, nearby_mean, unit_sphere
+
+
+@pytest.fixture(autouse=True)
+def _seed():
+    with torch.random.fork_rng():
+        torch.manual_seed(7)
+        yield
+
+
+def close(a, b, atol=1e-5):
+    torch.testing.assert_close(a, b, atol=atol, rtol=0)
+
+
+def mpu(rate: int = 4, neighbours: int = 16, **progressive) -> Network:
+    widths = Widths(visual=24, rate=rate)
+    backbone = DenseEdgeConvs(widths, growth=12, between=24, neighbours=neighbours)
+    refined = Widths(visual=24, refined=backbone.channels, rate=rate)
+    upsampler = Progressive(refined, neighbours=neighbours, **progressive)
+    return Network(Linear(widths), None, NoFusion(widths), backbone, upsampler)
+
+
+# --- sizes
+
+
+def test_one_level_of_four_copies_is_as_large_as_published():
+    """PU-GCN publishes 76.2 K, of its own writing of 3PU: one level, a grid of 2 × 2."""
+    assert mpu(4, step=4).parameter_count == 76_155
+
+
+@pytest.mark.parametrize(("rate", "levels"), [(2, 1), (4, 2), (16, 4)])
+def test_a_doubling_level_has_a_code_of_one_number(rate, levels):
+    """Of two numbers, the published level's code needs 128 weights more."""
+    assert mpu(rate).parameter_count == levels * (76_155 - 128) == levels * 76_027
+
+
+# --- one level
+
+
+@pytest.mark.parametrize("step", [2, 4])
+@torch.no_grad()
+def test_an_expansion_moves_copies_by_features_and_code(step):
+    expansion, points, features = Expansion(6, step), torch.randn(2, 5, 3), torch.randn(2, 5, 6)
+    codes = [[-0.2], [0.2]] if step == 2 else [[-0.2, -0.2], [-0.2, 0.2], [0.2, -0.2], [0.2, 0.2]]
+    close(expansion.code, torch.tensor(codes), 1e-7)
+    dense = expansion(points, features)
+    for i in range(5):
+        for j, code in enumerate(torch.tensor(codes)):
+            told = torch.cat([features[:, i], code.expand(2, -1)], dim=1)
+            close(dense[:, step * i + j], points[:, i] + expansion.mlp(expansion.enter(told)), 1e-6)
+
+
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 30))
+def test_unit_sphere_leaves_the_centroid_at_zero_and_the_farthest_point_at_one(seed, n):
+    cloud = torch.randn(2, n, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    framed, centre, radius = unit_sphere(cloud)
+    close(framed.mean(1), torch.zeros(2, 3).double(), 1e-9)
+    if n > 1:
+        close(framed.norm(dim=-1).amax(1), torch.ones(2).double(), 1e-9)
+    close(centre + radius * framed, cloud, 1e-12)
+
+
+@pytest.mark.parametrize("k", [1, 3, 5])
+@torch.no_grad()
+def test_nearby_mean_weighs_by_space_and_features(k):
+    cloud, fresh = torch.rand(2, 9, 3).double(), torch.rand(2, 9, 4).double()
+    before, known = torch.rand(2, 4, 3).double(), torch.rand(2, 4, 4).double()
+    found = nearby_mean(cloud, fresh, before, known, k)
+    for b in range(2):
+        nearest = [(before[b] - point).norm(dim=-1).argsort()[:k] for point in cloud[b]]
+        space = [[(cloud[b, i] - before[b, j]).square().sum() for j in near] for i, near in enumerate(nearest)]
+        alike = [[(fresh[b, i] - known[b, j]).square().sum() for j in near] for i, near in enumerate(nearest)]
+        h_space, h_alike = (sum(min(row) for row in rows) / 9 for rows in (space, alike))
+        for i, near in enumerate(nearest):
+            weights = torch.stack(
+                [
+                    torch.exp(-2 * s / h_space) * torch.exp(-2 * a / h_alike)
+                    for s, a in zip(space[i], alike[i], strict=True)
+                ]
+            )
+            weights = weights / (weights + 1e-5).sum()
+            close(found[b, i], weights @ known[b, near], 1e-9)
+
+
+def test_the_weights_of_nearby_features_take_no_part_in_the_gradient():
+    cloud, fresh, before, known = (torch.rand(1, 6, c, requires_grad=True) for c in (3, 4, 3, 4))
+    nearby_mean(cloud, fresh, before, known, 3).sum().backward()
+    assert known.grad is not None
+    assert cloud.grad is fresh.grad is before.grad is None
+
+
+def test_nearby_features_of_a_cloud_that_stays_where_it_was_are_finite():
+    cloud, known = torch.rand(1, 6, 3), torch.rand(1, 6, 4)
+    assert nearby_mean(cloud, known, cloud, known, 3).isfinite().all()
+
+
+# --- all levels
+
+
+@torch.no_grad()
+def test_the_second_level_starts_from_the_first_ones_cloud():
+    network, points = mpu(4, neighbours=6), torch.rand(2, 20, 3)
+    up = network.upsampler
+    features = network.backbone(points, network.encoder(points))
+    first, second = up.stages(points, features, 4)
+    close(first, up.expansions[0](points, features), 0)
+    centre = first.mean(1, keepdim=True)
+    radius = (first - centre).norm(dim=-1).amax(1)[:, None, None]
+    framed = (first - centre) / radius
+    fresh = up.extractors[0].backbone(framed, up.extractors[0].encoder(framed))
+    known = fresh + 0.2 * nearby_mean(first, fresh, points, features, 5)
+    close(second, up.expansions[1](framed, known) * radius + centre)
+    close(up(points, features, 4), second, 0)
+
+
+@pytest.mark.parametrize(("rate", "step", "counts"), [(2, 2, [40]), (4, 4, [80]), (16, 2, [40, 80, 160, 320])])
+@torch.no_grad()
+def test_each_level_has_as_many_points_as_it_says(rate, step, counts):
+    network, points = mpu(rate, neighbours=5, step=step), torch.rand(1, 20, 3)
+    clouds = network.upsampler.stages(points, network.backbone(points, network.encoder(points)), rate)
+    assert [cloud.shape[1] for cloud in clouds] == counts
+
+
+@torch.no_grad()
+def test_mpu_follows_a_permutation():
+    network, points, shuffled = mpu(4, neighbours=5).double(), torch.rand(2, 20, 3).double(), torch.randperm(20)
+    assert all(Trait.POINT_ORDER_FREE in part.traits for part in (network.encoder, network.backbone, network.upsampler))
+    dense, other = network(points, 4), network(points[:, shuffled], 4)
+    close(other.view(2, 20, 4, 3), dense.view(2, 20, 4, 3)[:, shuffled], 1e-9)
+
+
+@pytest.mark.parametrize(("rate", "step"), [(1, 2), (6, 2), (8, 4), (1, 4)])
+def test_a_rate_that_no_number_of_levels_makes_is_refused(rate, step):
+    with pytest.raises(UserError, match=f"in steps of {step} and never meets the rate {rate}: choose a power of"):
+        Progressive(Widths(refined=8, rate=rate), step=step)
+
+
+def test_another_rate_than_it_was_built_for_is_refused():
+    with pytest.raises(UserError, match="built for rate 4, not 2"):
+        Progressive(Widths(refined=8, rate=4))(torch.rand(1, 20, 3), torch.rand(1, 20, 8), 2)
+
+
+@torch.no_grad()
+def test_levels_go_on_from_any_backbone():
+    up = Progressive(Widths(refined=10, rate=4), neighbours=5)
+    assert up(torch.rand(1, 20, 3), torch.rand(1, 20, 10), 4).shape == (1, 80, 3)
+
+
+# --- objective
+
+
+class Given(Upsampler):
+    """Its clouds are its weights."""
+
+    def __init__(self, clouds):
+        super().__init__()
+        self.clouds = torch.nn.ParameterList(clouds)
+
+    def stages(self, points, features, rate):
+        return list(self.clouds)
+
+
+def levels(*clouds) -> Network:
+    backbone = DenseEdgeConvs(Widths(visual=24), blocks=1, neighbours=1)
+    return Network(Linear(Widths()), None, NoFusion(Widths()), backbone, Given(clouds))
+
+
+def test_every_level_is_judged_by_the_farthest_points_of_the_truth():
+    clouds, truth = [torch.rand(2, n, 3) for n in (4, 8, 16)], torch.rand(2, 16, 3)
+    losses = ProgressiveChamfer().losses(levels(*clouds), truth[:, :2], truth, 8)
+    assert list(losses) == ["chamfer-4", "chamfer-8", "chamfer-16"]
+    for cloud, loss in zip(clouds, losses.values(), strict=True):
+        n, total = cloud.shape[1], 0
+        for b in range(2):
+            thinned = truth[b, farthest_points(truth[b].numpy(), n)] if n < 16 else truth[b]
+            total = total + chamfer(cloud[b : b + 1], thinned[None])[0]
+        close(loss, total / 2, 1e-6)
+
+
+def test_a_level_of_more_points_than_the_truth_is_judged_by_all_of_it():
+    clouds, truth = [torch.rand(1, 8, 3), torch.rand(1, 16, 3)], torch.rand(1, 6, 3)
+    losses = ProgressiveChamfer().losses(levels(*clouds), truth[:, :2], truth, 8)
+    close(losses["chamfer-8"], chamfer(clouds[0], truth)[0], 1e-6)
+
+
+def test_the_result_alone_is_judged_by_the_chamfer_distance():
+    a, b = torch.rand(2, 5, 3), torch.rand(2, 7, 3)
+    close(ProgressiveChamfer()(a, b)["chamfer"], chamfer(a, b).mean(), 0)
+
+
+def test_a_few_steps_lower_the_loss_and_reach_every_weight():
+    network, objective = mpu(4, neighbours=8), ProgressiveChamfer()
+    truth = F.normalize(torch.randn(2, 128, 3), dim=-1)
+    optimizer = torch.optim.Adam(network.parameters(), 1e-3)
+    totals = []
+    for _ in range(8):
+        optimizer.zero_grad()
+        loss = sum(objective.losses(network, truth[:, ::4], truth, 4).values())
+        loss.backward()
+        if not totals:
+            assert all(weight.grad is not None and weight.grad.abs().sum() > 0 for weight in network.parameters())
+        optimizer.step()
+        totals.append(loss.item())
+    assert totals[-1] < 0.8 * totals[0]
