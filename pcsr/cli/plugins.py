@@ -1,4 +1,4 @@
-"""`pcsr plugins`: the parts that recipes may name, and who brings them."""
+"""`pcsr plugins`: the parts that recipes may name, and who brings them; to check one, and to write one."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,6 +6,8 @@ import click
 
 from pcsr.cli import COMMANDS, foreign_commands
 from pcsr.cli.options import plugin_option
+from pcsr.cli.plugin_check import check
+from pcsr.cli.plugin_new import new
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -13,11 +15,17 @@ if TYPE_CHECKING:
     from pcsr.registry import Entry, Registry
 
 
-@click.command()
+@click.group(invoke_without_command=True)
 @click.option("--why", "name", metavar="NAME", help="Say why a part or a plugin is there, or why it isn't.")
 @plugin_option
-def plugins(name: str | None, registry: "Registry") -> None:
+@click.pass_context
+def plugins(context: click.Context, name: str | None, registry: "Registry") -> None:
     """List the parts that recipes may name, and who brings them."""
+    command = context.invoked_subcommand
+    if command is not None:
+        if name is not None or registry.files:
+            raise click.UsageError(f"options go behind the subcommand: pcsr plugins {command} … --plugin FILE", context)
+        return
     if name is not None:
         from pcsr.plugins import why
 
@@ -62,3 +70,7 @@ def _traits(entry: "Entry") -> str:
     except UserError as error:
         return f"[red]{escape(str(error))}[/red]"
     return ", ".join(sorted(part.traits))
+
+
+plugins.add_command(check)
+plugins.add_command(new)

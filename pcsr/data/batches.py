@@ -81,8 +81,9 @@ class Batches:
         middle = truth[int(rng.integers(len(truth)))]
         if len(felt) and rng.random() < TOUCHED:
             middle = felt[int(rng.integers(len(felt)))].mean(0)
-        nearest = (truth - middle).norm(dim=1).topk(patches.points * patches.rate, largest=False).indices
-        return truth[nearest]
+        away: Tensor = (truth - middle).norm(dim=1)
+        patch: Tensor = truth[away.topk(patches.points * patches.rate, largest=False).indices]
+        return patch
 
     def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]

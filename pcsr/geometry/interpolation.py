@@ -5,16 +5,21 @@ every learned model has to beat it.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.errors import UserError
 from pcsr.geometry.farthest import farthest_points
 
+Thin = Callable[[Float[np.ndarray, "n 3"], int], Int[np.ndarray, " count"]]
 
-def midpoint(points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 1) -> Float[np.ndarray, "rn 3"]:
+
+def midpoint(
+    points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 1, thin: Thin = farthest_points
+) -> Float[np.ndarray, "rn 3"]:
     """Interpolate a cloud to round(rate·n) points.
 
     In each of the passes every point is joined with its 2s nearest (itself among them), s being that pass's
@@ -25,6 +30,8 @@ def midpoint(points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 
         points: the sparse cloud, in any frame.
         rate: new points for each point, at least 1; need not be whole.
         passes: how often to interpolate; each pass takes the same share of the rate.
+        thin: which of the midpoints to keep, and how many. Farthest points define the baseline, and take nearly all
+            of the time.
 
     Returns:
         The dense cloud in the frame of `points`; float64.
@@ -36,11 +43,11 @@ def midpoint(points: Float[np.ndarray, "n 3"], rate: int | float, passes: int = 
         raise UserError(f"midpoint: rate is {rate:g} and passes {passes}, both must be at least 1")
     cloud = np.asarray(points, np.float64)
     for number in range(1, passes + 1):
-        cloud = _one_pass(cloud, round(len(points) * rate ** (number / passes)))
+        cloud = _one_pass(cloud, round(len(points) * rate ** (number / passes)), thin)
     return cloud
 
 
-def _one_pass(points: Float[np.ndarray, "n 3"], goal: int) -> Float[np.ndarray, "goal 3"]:
+def _one_pass(points: Float[np.ndarray, "n 3"], goal: int, thin: Thin) -> Float[np.ndarray, "goal 3"]:
     n = len(points)
     neighbours = math.ceil(2 * goal / n) if n else 2
     if neighbours > n:
@@ -50,5 +57,5 @@ def _one_pass(points: Float[np.ndarray, "n 3"], goal: int) -> Float[np.ndarray, 
     # Each pair once, though both its points may name it: thinning would drop the copy, later and slower.
     pairs = np.unique(np.minimum(first, second) * n + np.maximum(first, second))
     candidates = (points[pairs // n] + points[pairs % n]) / 2
-    thinned: Float[np.ndarray, "goal 3"] = candidates[farthest_points(candidates, goal)]
+    thinned: Float[np.ndarray, "goal 3"] = candidates[thin(candidates, goal)]
     return thinned

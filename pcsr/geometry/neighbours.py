@@ -17,9 +17,9 @@ def knn(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -
     """Indices of the k points nearest to each query, nearest first. A query among the points finds itself.
 
     On the CPU a k-d tree for each cloud: at 512 points it takes half the time of all distances, and its memory
-    grows with n alone. Elsewhere, in many dimensions and in an exported graph all distances, ROWS queries at a
-    time; they are the plain differences squared, since the usual expansion |a|²+|b|²−2ab loses the small ones to
-    rounding.
+    grows with n alone. In many dimensions all distances, ROWS queries at a time. On the CPU they are expanded into
+    |a|² + |b|² − 2ab, in double precision, since single precision would lose the small ones to rounding; elsewhere,
+    and in an exported graph, they are the plain differences squared, which takes several times as long.
 
     Raises:
         UserError: there are fewer than k points.
@@ -36,7 +36,8 @@ def knn(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -
             clouds = zip(query.double().numpy(), points.double().numpy(), strict=True)
             ranks = range(1, k + 1)
             return torch.stack([torch.from_numpy(cKDTree(cloud).query(asked, ranks)[1]) for asked, cloud in clouds])
-        return torch.cat([_nearest_of_all(part, points, k) for part in torch.split(query, ROWS, dim=1)], dim=1)
+        nearest = _nearest_by_products if points.is_cpu else _nearest_of_all
+        return torch.cat([nearest(part, points, k) for part in torch.split(query, ROWS, dim=1)], dim=1)
 
 
 def _nearest_of_all(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -> Int[Tensor, "b q k"]:
@@ -44,11 +45,18 @@ def _nearest_of_all(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"
     return distance.topk(k, dim=-1, largest=False, sorted=True).indices
 
 
+def _nearest_by_products(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -> Int[Tensor, "b q k"]:
+    middle = points.double().mean(1, keepdim=True)
+    a, b = query - middle, points - middle
+    distance = torch.baddbmm(b.square().sum(-1).unsqueeze(1), a, b.mT, alpha=-2)  # |a|² is the same for all points
+    return distance.topk(k, dim=-1, largest=False, sorted=True).indices
+
+
 def gather(features: Float[Tensor, "b n c"], index: Int[Tensor, "b q k"]) -> Float[Tensor, "b q k c"]:
     """The features at each index."""
-    b, q, k = index.shape
-    flat = index.reshape(b, q * k, 1).expand(-1, -1, features.shape[-1])
-    return features.gather(1, flat).view(b, q, k, -1)
+    b, n, c = features.shape
+    start = n * torch.arange(b, device=index.device).view(b, 1, 1)
+    return features.reshape(b * n, c).index_select(0, (index + start).flatten()).view(*index.shape, c)
 
 
 def neighbour_max(features: Float[Tensor, "b n c"], index: Int[Tensor, "b q k"]) -> Float[Tensor, "b q c"]:

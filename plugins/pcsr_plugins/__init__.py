@@ -10,18 +10,37 @@ from pcsr import Register, hookimpl
 @hookimpl
 def pcsr_register(register: Register) -> None:
     """Register the parts of the paper, its baselines, and the embedded data."""
+    register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
+    register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
     register.encoder("mlp", "pcsr_plugins.encoders.mlp:Mlp")
+    register.encoder("set-abstraction", "pcsr_plugins.encoders.set_abstraction:BallEncoder")
     register.encoder("unet", "pcsr_plugins.encoders.unet:UNet")
 
     register.fusion("concat", "pcsr_plugins.fusions.concat:Concat")
     register.fusion("iterative", "pcsr_plugins.fusions.iterative:Iterative")
     register.fusion("none", "pcsr_plugins.fusions.none:NoFusion")
 
+    register.backbone("dense-edge-conv", "pcsr_plugins.backbones.dense_edge_conv:DenseEdgeConvs")
+    register.backbone("grad-pu", "pcsr_plugins.backbones.grad_pu:GradPU")
+    register.backbone("pu-gcn", "pcsr_plugins.backbones.pu_gcn:PUGCN")
+    register.backbone("pu-net", "pcsr_plugins.backbones.pu_net:PUNet")
     register.backbone("pu-transformer", "pcsr_plugins.backbones.pu_transformer:PUTransformer")
 
+    register.upsampler("branches", "pcsr_plugins.upsamplers.branches:Branches")
+    register.upsampler("descent", "pcsr_plugins.upsamplers.descent:Descent")
+    register.upsampler("dis-pu", "pcsr_plugins.upsamplers.dis_pu:DisPU")
+    register.upsampler("midpoint", "pcsr_plugins.upsamplers.midpoint:Midpoint")
+    register.upsampler("node-shuffle", "pcsr_plugins.upsamplers.node_shuffle:NodeShuffle")
+    register.upsampler("progressive", "pcsr_plugins.upsamplers.progressive:Progressive")
     register.upsampler("shuffle", "pcsr_plugins.upsamplers.shuffle:Shuffle")
+    register.upsampler("up-down-up", "pcsr_plugins.upsamplers.up_down_up:UpDownUp")
 
     register.objective("chamfer", "pcsr_plugins.objectives.chamfer:Chamfer")
+    register.objective("dis-pu", "pcsr_plugins.objectives.dis_pu:DisPU")
+    register.objective("grad-pu", "pcsr_plugins.objectives.grad_pu:GradPU")
+    register.objective("progressive", "pcsr_plugins.objectives.progressive:ProgressiveChamfer")
+    register.objective("pu-gan", "pcsr_plugins.objectives.pu_gan:PuGan")
+    register.objective("pu-net", "pcsr_plugins.objectives.pu_net:PUNetLoss")
 
     register.touch("digit", "pcsr_plugins.touch.digit:Digit")
     register.touch("recorded", "pcsr_plugins.touch.recorded:Recorded")

@@ -18,6 +18,22 @@ def test_knn_agrees_with_sorting_every_distance(d, q, k):
     assert torch.equal(knn(query, points, k), distances.argsort(-1)[..., :k])
 
 
+@pytest.mark.parametrize("d", [3, 40])
+@pytest.mark.parametrize("away", [0.0, 1e3])
+def test_knn_in_any_number_of_dimensions_tells_near_points_apart(d, away):
+    """Wherever the cloud is, and though two of its clusters are a million times as far apart as their points are."""
+    generator = torch.Generator().manual_seed(d)
+    points = torch.randn(2, 60, d, generator=generator)
+    points[:, ::2] = 4 + 1e-4 * points[:, ::2]
+    points[:, 1::2] *= 1e-4
+    points = points + away
+    distances = (points[:, :, None] - points[:, None]).double().square().sum(-1)
+    near = knn(points, points, 8)
+    torch.testing.assert_close(distances.gather(2, near), distances.sort(-1).values[..., :8], rtol=1e-5, atol=1e-13)
+    if not away:
+        assert torch.equal(near[..., 0], torch.arange(60).expand(2, -1))
+
+
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
 def test_neighbours_of_many_points_need_no_matrix_of_distances():
     """65,536 points would have 17 GB of them."""

@@ -1,7 +1,7 @@
 """PU-GCN's graph and its edge convolution.
 
-Qian et al., "PU-GCN: Point Cloud Upsampling using Graph Convolutional Networks", CVPR 2021, Sec. 3.1, in the reading
-of its published code: of the edge from i to j the centre xᵢ and the difference xⱼ − xᵢ have weights of their own, and
+Qian et al., "PU-GCN: Point Cloud Upsampling using Graph Convolutional Networks", CVPR 2021, in the reading of
+its published code: of the edge from i to j the centre xᵢ and the difference xⱼ − xᵢ have weights of their own, and
 only the latter a bias.
 """
 

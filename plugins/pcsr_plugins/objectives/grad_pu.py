@@ -48,7 +48,7 @@ class GradPU(Objective):
                 f"objective 'grad-pu' judges distances, and the upsampler {type(upsampler).__name__} predicts none: "
                 f"set model.upsampler to descent, or train.objective to chamfer"
             )
-        start = upsampler.start(points, rate)
+        start = upsampler.prepare(points, rate)
         cloud, features = network.refine(start, touches, mask)
         places = self._noisy(start)
         predicted = upsampler.distance(places, cloud, features)

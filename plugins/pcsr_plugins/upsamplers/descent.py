@@ -3,7 +3,8 @@
 He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with Learned Distance Functions",
 CVPR 2023, Sec. 3.2 to 3.4. The cloud is interpolated by midpoints. A small regressor says how far a place is from the
 surface, by the features of the three points nearest to it. Each new point then follows x ← x − step · ∂distance/∂x a
-few times; the features stay as they are, only the places at which they are read move.
+few times; the features stay as they are, only the places at which they are read move. As published the features, too,
+are those of the interpolated cloud, of which patches are cut: `prepare` gives it, and it then descends at rate 1.
 
 The authors' code takes the gradient of the *mean* over all points of all patches and multiplies it by 50, so that
 a point's step falls with the number of points. Here the step is a point's own: 50 / (24 · 1024), which is what that
@@ -57,14 +58,14 @@ class Descent(Upsampler):
             weight.abs_()
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
-        """Interpolate and descend; at rate 1 the points themselves descend."""
+        """Descend. At rate 1 the points are interpolated ones already; at others they are interpolated here."""
         # Of points that are equally far away the first in this order counts, not the first in the file.
         order = hilbert_order(points)
         points, features = along(order, points), along(order, features)
-        return self.descend(self.start(points, rate), points, features)
+        return self.descend(self.prepare(points, rate), points, features)
 
-    def start(self, points: Points, rate: int) -> Dense:
-        """Where the descent starts, and near where training asks for distances."""
+    def prepare(self, points: Points, rate: int) -> Dense:
+        """The interpolated cloud: what the network sees, where the descent starts, and near where it is trained."""
         return points if rate == 1 else interpolated(along(hilbert_order(points), points), rate)
 
     def distance(self, places: Dense, points: Points, features: Features) -> Float[Tensor, "b rn"]:

@@ -3,7 +3,7 @@
 The interpolation is Grad-PU's (He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with
 Learned Distance Functions", CVPR 2023, Sec. 3.2), which separates it from what is learned and so takes any rate. Here
 an MLP predicts how far to move, from the features of the nearest points. Before training it moves nothing: the
-network *is* the interpolation, which many trained ones don't beat.
+network *is* the interpolation.
 """
 
 from concurrent.futures import ThreadPoolExecutor

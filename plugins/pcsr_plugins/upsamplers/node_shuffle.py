@@ -1,8 +1,8 @@
 """NodeShuffle, the upsampler of PU-GCN.
 
-Qian et al., "PU-GCN", CVPR 2021, Sec. 3.1 and 3.3: an edge convolution widens each point's features r times, on the
-graph of the 20 nearest points in space; a periodic shuffle cuts them into r points; an MLP predicts the way of each
-from the input point (the paper's figure has no such residual, its published code does).
+Qian et al., "PU-GCN", CVPR 2021, in the reading of its published code: an edge convolution widens
+each point's features r times, on the graph of the 20 nearest points in space; a periodic shuffle cuts them into r
+points; an MLP predicts the way of each from the input point.
 """
 
 from torch import nn
