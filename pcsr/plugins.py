@@ -30,7 +30,11 @@ def load_plugins(files: Iterable[Path] = ()) -> Registry:
         UserError: a file is not there. A plugin that fails in any other way becomes a `Failure`.
     """
     registry = Registry(files=tuple(files))
-    for distribution in sorted(distributions(), key=_name):
+    # Of a distribution that is on the path twice, as in one environment on top of another, the first is imported.
+    installed: dict[str, Any] = {}
+    for distribution in distributions():
+        installed.setdefault(_name(distribution), distribution)
+    for _, distribution in sorted(installed.items()):
         for point in distribution.entry_points:
             if point.group == GROUP:
                 _register(registry, point.load, _name(distribution), distribution.version)

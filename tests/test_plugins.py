@@ -1,5 +1,6 @@
 """Plugins register through one hook; a broken one breaks only itself."""
 
+from importlib import metadata
 from textwrap import dedent
 
 import pytest
@@ -161,3 +162,11 @@ def test_an_installed_plugin_is_found_and_a_broken_one_is_kept(write, tmp_path, 
     (failure,) = registry.failures
     assert (failure.owner, failure.version) == ("aaa-broken", "2.0")
     assert isinstance(failure.error, ModuleNotFoundError)
+
+
+def test_a_distribution_that_is_on_the_path_twice_counts_once(monkeypatch):
+    twice = [*metadata.distributions(), *metadata.distributions()]
+    monkeypatch.setattr("pcsr.plugins.distributions", lambda: iter(twice))
+    registry = load_plugins()
+    assert not registry.failures
+    assert registry.names("fusion")

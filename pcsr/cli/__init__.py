@@ -29,7 +29,7 @@ COMMANDS = {
     "view": BuiltIn("pcsr.cli.view:view", "Open a window with clouds side by side."),
     "export": BuiltIn("pcsr.cli.export:export", "Write a network as ONNX."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
-    "compare": BuiltIn("pcsr.cli.compare:compare", "Train and measure recipes, or one recipe with several parts, alike."),
+    "compare": BuiltIn("pcsr.cli.compare:compare", "Train and measure recipes, or one with several parts, alike."),
     "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),

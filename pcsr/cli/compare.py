@@ -36,7 +36,7 @@ def compare(
     where: dict[str, Any],
     **parts: tuple[str, ...],
 ) -> None:
-    r"""Train and measure recipes, or one recipe with several parts, alike.
+    r"""Train and measure recipes, or one with several parts, alike.
 
     Each recipe is run with each combination of the parts that are named. All see the same data; with --seeds the data
     stays that of the first seed. The first row of the table is what wins are counted against.

@@ -82,8 +82,7 @@ class Batches:
         if len(felt) and rng.random() < TOUCHED:
             middle = felt[int(rng.integers(len(felt)))].mean(0)
         away: Tensor = (truth - middle).norm(dim=1)
-        patch: Tensor = truth[away.topk(patches.points * patches.rate, largest=False).indices]
-        return patch
+        return truth[away.topk(patches.points * patches.rate, largest=False).indices]
 
     def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
@@ -115,7 +114,8 @@ class Batches:
 
 def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:
     """Which touches belong to a patch, whose own frame they are in: those whose middle lies in its unit sphere."""
-    return touches.mean(-2).norm(dim=-1) <= 1
+    inside: Tensor = touches.mean(-2).norm(dim=-1) <= 1
+    return inside
 
 
 def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:

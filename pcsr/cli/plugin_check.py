@@ -1,0 +1,137 @@
+"""`pcsr plugins check`: hold a part to the contract of its kind."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pcsr.cli.options import FILE, plugin_option
+from pcsr.errors import RunError, UserError, did_you_mean
+
+if TYPE_CHECKING:
+    from pcsr.contracts import Item
+    from pcsr.registry import Entry, Registry
+
+
+@click.command()
+@click.argument("name")
+@click.option("--kind", default=None, metavar="KIND", help="Only the part of this kind, where several have the name.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the part: --set channels=32. The value is YAML. May be repeated.",
+)
+@click.option("--mesh", type=FILE, default=None, help="What a touch source is to touch.  [default: an egg, 60 mm long]")
+@click.option("--upsampler", default=None, metavar="NAME", help="What an objective is made for, if not for any.")
+@plugin_option
+def check(
+    name: str,
+    kind: str | None,
+    overrides: tuple[str, ...],
+    mesh: Path | None,
+    upsampler: str | None,
+    registry: "Registry",
+) -> None:
+    """Check whether a part keeps the contract of its kind.
+
+    NAME is a part's, or a plugin's for all of its parts. Every check prints a line; a failure says what was found, what
+    is expected and what to do.
+    """
+    entries = _found(name, kind, registry)
+    hosts: dict[str, dict[str, Any]] = {
+        "touch": {} if mesh is None else {"item": _item(mesh)},
+        "objective": {} if upsampler is None else {"upsampler": registry.get("upsampler", upsampler)},
+    }
+    for entry in entries:
+        _options(entry, overrides)  # a mistake in them is told before the first check takes its time
+    failed = [entry for entry in entries if not _run(entry, _options(entry, overrides), hosts.get(entry.kind, {}))]
+    if failed:
+        names = ", ".join(f"{entry.kind} '{entry.name}'" for entry in failed)
+        raise RunError(f"{names} failed: what to do stands beside each check that did")
+
+
+def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
+    """The parts that are meant.
+
+    Raises:
+        UserError: none; the message says why.
+    """
+    from pcsr.plugins import why
+    from pcsr.registry import KINDS
+
+    if kind is not None and kind not in KINDS:
+        raise UserError(f"--kind {kind}: there is no such kind: {did_you_mean(kind, KINDS)}")
+    named = [entry for entry in registry if name in (entry.name, entry.owner)]
+    found = [entry for entry in named if kind in (None, entry.kind)]
+    if found:
+        return found
+    if named:
+        raise UserError(f"--kind {kind}: '{name}' is no {kind}, but {', '.join(dict.fromkeys(e.kind for e in named))}")
+    if any(failure.owner == name for failure in registry.failures):
+        raise UserError(why(registry, name))
+    known = {entry.name for entry in registry if kind in (None, entry.kind)}
+    raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}")
+
+
+def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
+    """What `--set` gives, in the types of the part's options.
+
+    Raises:
+        UserError: an option that the part does not have, or a value that it does not take.
+    """
+    import json
+
+    from pydantic import ValidationError
+
+    from pcsr.recipe.schema import options_model
+    from pcsr.recipe.source import Place, scalar
+
+    if not overrides:  # so that a part whose options cannot be read fails a check
+        return {}
+    model = options_model(entry.load())
+    given = {}
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        key = key.strip()
+        if not equals:
+            raise UserError(f"--set {override}: write KEY=VALUE")
+        if key not in model.model_fields:
+            remedy = did_you_mean(key, model.model_fields)
+            raise UserError(f"--set {override}: {entry.kind} '{entry.name}' takes no '{key}': {remedy}")
+        given[key] = scalar(value, Place(f"--set {override}"))
+    try:
+        checked = model.model_validate_json(json.dumps(given))
+    except (TypeError, ValidationError) as error:
+        mistakes = error.errors() if isinstance(error, ValidationError) else []
+        wrong = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in mistakes if one["type"] != "missing"]
+        if not mistakes or wrong:
+            raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
+        return given  # what is missing the check `builds` tells
+    return {key: getattr(checked, key) for key in given}
+
+
+def _run(entry: "Entry", options: dict[str, Any], host: dict[str, Any]) -> bool:
+    """Run all checks of a part, a line each; whether none failed."""
+    from pcsr.testing import checks_for
+
+    click.echo(f"{entry.kind} '{entry.name}' of {entry.owner} {entry.version}")
+    counts = {"passed": 0, "skipped": 0, "failed": 0}
+    for one in checks_for(entry.load(), **host, **options):
+        outcome = one.outcome()
+        counts[outcome.result] += 1
+        said = f": {outcome.said}" if outcome.said else ""
+        mark = "FAILED" if outcome.result == "failed" else outcome.result
+        click.echo(f"  {mark:7} {outcome.check}{said}")
+    click.echo(f"  {', '.join(f'{count} {result}' for result, count in counts.items())}")
+    return not counts["failed"]
+
+
+def _item(mesh: Path) -> "Item":
+    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.contracts import Item
+
+    if not mesh.is_file():
+        raise UserError(f"--mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
+    return Item(mesh.name, mesh.name, read_mesh(mesh))

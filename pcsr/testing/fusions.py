@@ -1,0 +1,125 @@
+"""Checks of fusions: clouds without touches, and touches that a row of the batch does not have."""
+
+from typing import Any
+
+import torch
+
+from pcsr.contracts import Fusion
+from pcsr.errors import UserError
+from pcsr.testing.behaviour import CLOSE
+from pcsr.testing.check import Skipped
+from pcsr.testing.inputs import BATCH, FELT, POINTS, TOUCHES, apart, call, cloud, given, rows, single
+from pcsr.testing.subject import Subject
+
+ELSEWHERE = 1e3
+"""What the contents of a missing touch are moved by."""
+
+
+@torch.no_grad()
+def zero_touches(subject: Subject) -> None:
+    """Where there is no touch, `join` leaves the cloud as it is; few touches of few points are legal and finite.
+
+    Without any touch the host does not call `forward`, so that the visual features need no check.
+    """
+    module: Any = subject.lively().float()
+    points = cloud(BATCH, POINTS).float()
+    touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
+    module.join(points, touches, mask)  # what came before must not show
+    for what, count, there in (("no touch", 0, mask[:, :0]), (f"{TOUCHES} missing touches", TOUCHES, ~mask)):
+        joined = module.join(points, touches[:, :count], there)
+        if not torch.equal(joined, points):
+            raise subject.failure(
+                f"with {what} its `join` turns a cloud of {POINTS} points into another, of {joined.shape[1]}",
+                "the cloud as it is",
+                "join the touches where `mask` is True, and nothing else",
+            )
+    if not module.hears_features:
+        return
+    tensors = single(given(module, subject.widths))
+    for count, felt in ((1, 1), (TOUCHES, 1), (1, FELT)):
+        few = {name: tensor[:, :count, :felt] if "touch" in name else tensor for name, tensor in tensors.items()}
+        made = call(module, subject.widths.rate, {**few, "mask": tensors["mask"][:, :count]})
+        if made.shape != tensors["features"].shape or not made.isfinite().all():
+            raise subject.failure(
+                f"with {count} touches of {felt} points it gives {tuple(made.shape)}, or what is not finite",
+                f"finite features of the shape {tuple(tensors['features'].shape)}",
+                "take any number of touches, and of points of a touch",
+            )
+
+
+@torch.no_grad()
+def missing_touches(subject: Subject) -> None:
+    """A touch that a row lacks is not heard, and the row comes out as it does alone with its own."""
+    module: Any = subject.lively()
+    tensors = given(module, subject.widths)
+    mask = tensors["mask"].clone()
+    # Rows of unequal numbers cannot be joined to their clouds in one batch.
+    lacking = slice(None) if not module.hears_features else slice(1, 2)
+    mask[lacking, 1:] = False
+    tensors["mask"] = mask
+    moved = {
+        name: torch.where(mask[..., None, None], tensor, tensor + ELSEWHERE) if "touch" in name else tensor
+        for name, tensor in tensors.items()
+    }
+    made = call(module, subject.widths.rate, tensors)
+    gap = apart(call(module, subject.widths.rate, moved), made)
+    if gap > CLOSE:
+        raise subject.failure(
+            f"what lies in a missing touch moves the result by {gap:.2g}",
+            "that only touches are heard where `mask` is True",
+            "leave the others out: with attention by Touches.flat_padding, in a mean by the mask",
+        )
+    own = {name: tensor[:, :1] if "touch" in name else tensor for name, tensor in rows(tensors, slice(1, 2)).items()}
+    gap = apart(call(module, subject.widths.rate, {**own, "mask": mask[1:2, :1]}), made[1:2])
+    if gap > CLOSE:
+        raise subject.failure(
+            f"a cloud with 1 touch comes out {gap:.2g} off where another of its batch has {TOUCHES}",
+            "the same result",
+            "count touches by the mask, not by the shape",
+        )
+
+
+@torch.no_grad()
+def hears(subject: Subject) -> None:
+    """Touch makes a difference: other touches give something else."""
+    module: Any = subject.lively()
+    joins = type(module).join is not Fusion.join
+    if not (module.hears_features or joins):
+        raise subject.failure(
+            "it hears no features and joins no points, so touch never enters",
+            "one of the two",
+            "set hears_features = True, or override `join`",
+        )
+    tensors = given(module, subject.widths)
+    other = {name: tensor.flip(0) if "touch" in name else tensor for name, tensor in tensors.items()}
+    if torch.equal(call(module, subject.widths.rate, tensors), call(module, subject.widths.rate, other)):
+        raise subject.failure("other touches change nothing", "that touch is heard", "use the touches in `forward`")
+    if joins:
+        _joined(subject, module)
+
+
+def _joined(subject: Subject, module: Any) -> None:
+    tensors = given(module, subject.widths)
+    points = tensors["points"]
+    joined = module.join(points, tensors["touches"], tensors["mask"])
+    kept = torch.cdist(points, joined).amin(2).max() if joined.dim() == 3 and len(joined) == len(points) else None
+    if kept is None or kept > CLOSE:
+        raise subject.failure(
+            f"its `join` gives {tuple(joined.shape)} for {tuple(points.shape)}, and points of the cloud are not in it",
+            "the cloud with points added",
+            "use torch.cat([points, …], dim=1)",
+        )
+
+
+def ragged_join(subject: Subject) -> None:
+    """Rows with different numbers of touches are joined, or refused by a part that says who it is."""
+    module: Any = subject.lively()
+    if type(module).join is Fusion.join:
+        raise Skipped(f"{subject} does not join touches to the cloud")
+    points = cloud(BATCH, POINTS)
+    touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
+    mask[0, 0] = False
+    try:
+        module.join(points, touches, mask)
+    except UserError as error:
+        subject.must_name_itself(error)

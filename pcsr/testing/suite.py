@@ -1,0 +1,103 @@
+"""Which checks there are for which kind."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pcsr.contracts import Item, Upsampler
+from pcsr.testing import (
+    behaviour,
+    construction,
+    fusions,
+    keeping,
+    learning,
+    objectives,
+    objects,
+    touching,
+    upsamplers,
+)
+from pcsr.testing.check import Check, Outcome
+from pcsr.testing.subject import NETWORK, Subject, kind_of
+
+Checks = dict[str, Callable[[Subject], None]]
+
+CONSTRUCTION: Checks = {
+    "builds": construction.builds,
+    "options": construction.options,
+    "unknown-options": construction.unknown_options,
+}
+LEARNED: Checks = {
+    "deterministic": keeping.deterministic,
+    "weights": keeping.weights,
+}
+IN_NETWORK: Checks = {
+    "shapes": behaviour.shapes,
+    "coinciding-points": behaviour.coinciding_points,
+    "independent-rows": behaviour.independent_rows,
+    "gradients": learning.gradients,
+    "gradcheck": learning.gradcheck,
+    **LEARNED,
+    "export": keeping.export,
+}
+OF_KIND: dict[str, Checks] = {
+    "encoder": {},
+    "fusion": {
+        "zero-touches": fusions.zero_touches,
+        "missing-touches": fusions.missing_touches,
+        "ragged-join": fusions.ragged_join,
+        "hears": fusions.hears,
+    },
+    "backbone": {},
+    "upsampler": {"stages": upsamplers.stages},
+    "objective": {
+        "losses": objectives.losses,
+        "coinciding-points": objectives.coinciding_points,
+        "gradients": objectives.gradients,
+        "gradcheck": objectives.gradcheck,
+        **LEARNED,
+    },
+    "touch": {
+        "touches": touching.touches,
+        "repeatable": touching.repeatable,
+        "prefix": touching.prefix,
+        "leaves-inputs": touching.leaves_inputs,
+    },
+    "shapes": {
+        "names": objects.names,
+        "items": objects.items,
+        "picklable": objects.picklable,
+        "digests": objects.digests,
+    },
+}
+
+
+def checks_for(
+    part: type[Any], *, item: Item | None = None, upsampler: type[Upsampler] | None = None, **options: Any
+) -> list[Check]:
+    """The checks of a part, whatever its kind. Nothing of the part runs before a check is called.
+
+    Args:
+        part: a class derived from a kind of part.
+        item: the object that a touch source is to touch; by default an egg 60 mm long.
+        upsampler: the upsampler of the network that an objective is to judge, where it is made for one.
+        options: of the part, where it cannot be built without, or is to be checked with others than its defaults.
+
+    Returns:
+        One record for each check: it is called, has a `name`, and as text is that name.
+
+    Raises:
+        UserError: `part` is of no kind.
+    """
+    kind = kind_of(part)
+    subject = Subject(part, kind, options, item, upsampler)
+    checks = {
+        **CONSTRUCTION,
+        **(IN_NETWORK if kind in NETWORK else {}),
+        **OF_KIND[kind],
+        **(behaviour.trait_checks(kind) if kind in NETWORK else {}),
+    }
+    return [subject.check(name, run) for name, run in checks.items()]
+
+
+def check_part(part: type[Any], **options: Any) -> list[Outcome]:
+    """Run all checks of a part, with the arguments of `checks_for`, and tell what came of each."""
+    return [check.outcome() for check in checks_for(part, **options)]

@@ -1,0 +1,27 @@
+"""The head of PU-GCN: one edge convolution on the coordinates.
+
+Qian et al., "PU-GCN", CVPR 2021, in the reading of its published code: the graph of the 20
+nearest points in space, 3 → 32 channels.
+"""
+
+from pcsr import Encoder, Trait, Widths
+from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.edge_conv import EdgeConv as Layer
+from pcsr_plugins.layers.edge_conv import graph
+
+
+class EdgeConv(Encoder):
+    """Each point and the ways to its neighbours."""
+
+    traits = frozenset({Trait.POINT_ORDER_FREE})
+
+    def __init__(self, widths: Widths, *, channels: int = 32, neighbours: int = 20) -> None:
+        super().__init__()
+        self.channels = channels
+        self.neighbours = neighbours
+        self.layer = Layer(3, channels)
+
+    def forward(self, points: Points) -> Features:
+        """Encode each point's neighbourhood."""
+        features: Features = self.layer(points, graph(points, self.neighbours))
+        return features

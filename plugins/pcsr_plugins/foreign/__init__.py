@@ -1,0 +1,1 @@
+"""Published weights of others, put into our parts."""
