@@ -134,6 +134,15 @@ class Backbone(nn.Module, Part):
 class Upsampler(nn.Module, Part):
     """Features to `rate` times as many points."""
 
+    def prepare(self, points: Points, rate: int) -> Dense:
+        """The cloud that the network sees: as a rule the sparse one.
+
+        An upsampler that only refines an interpolated cloud gives that one, of k times as many points. Features and
+        touches are then its points', and `rate` / k is left to make. Patches are cut from it too, so that nothing
+        is interpolated across their borders. At rate 1 it gives the points themselves.
+        """
+        return points
+
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Make the dense cloud. A part built for one rate refuses another with a `UserError`."""
         raise NotImplementedError

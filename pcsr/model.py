@@ -48,8 +48,10 @@ class Network(nn.Module):
         Returns:
             (b rate·n 3), in the same frame.
         """
-        cloud, features = self.refine(points, touches, mask)
-        return _thin(self.upsampler(cloud, features, rate), rate * points.shape[1])
+        count = rate * points.shape[1]
+        start = self.upsampler.prepare(points, rate)
+        cloud, features = self.refine(start, touches, mask)
+        return _thin(self.upsampler(cloud, features, count // start.shape[1]), count)
 
     def stages(
         self,
@@ -59,9 +61,11 @@ class Network(nn.Module):
         mask: TouchMask | None = None,
     ) -> list[Dense]:
         """As `forward`, with the clouds on the way: the coarsest first, the result last."""
-        cloud, features = self.refine(points, touches, mask)
-        *coarse, dense = self.upsampler.stages(cloud, features, rate)
-        return [*coarse, _thin(dense, rate * points.shape[1])]
+        count = rate * points.shape[1]
+        start = self.upsampler.prepare(points, rate)
+        cloud, features = self.refine(start, touches, mask)
+        *coarse, dense = self.upsampler.stages(cloud, features, count // start.shape[1])
+        return [*coarse, _thin(dense, count)]
 
     def refine(
         self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None

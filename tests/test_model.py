@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
 from pcsr.metrics.chamfer import chamfer
 from pcsr.model import Network, build
@@ -116,6 +117,29 @@ def test_without_fusion_the_output_is_thinned_to_the_rate(clouds):
         nearest, index = torch.cdist(thin, all_points, compute_mode="donot_use_mm_for_euclid_dist").min(1)
         assert nearest.max() < 1e-6
         assert len(index.unique()) == RATE * N
+
+
+class Doubled(Upsampler):
+    """Prepares the points and others beside them, and copies what it is given."""
+
+    def prepare(self, points, rate):
+        return points if rate == 1 else torch.cat([points, points + 0.1], 1)
+
+    def forward(self, points, features, rate):
+        assert features.shape[:2] == points.shape[:2]
+        return points.repeat_interleave(rate, dim=1)
+
+
+@torch.no_grad()
+def test_the_network_sees_what_its_upsampler_prepares_and_makes_the_rest(clouds):
+    points, touches = clouds
+    net = network()
+    net.upsampler = Doubled()
+    expected = torch.cat([points, points + 0.1], 1).repeat_interleave(2, dim=1)
+    assert torch.equal(net(points, 4, touches), expected)
+    (stage,) = net.stages(points, 4, touches)
+    assert torch.equal(stage, expected)
+    assert torch.equal(net(points, 1), points)
 
 
 def test_a_seed_gives_its_weights_and_leaves_the_random_state_alone():

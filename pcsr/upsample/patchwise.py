@@ -56,24 +56,26 @@ def upsample_patches(
 
 def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patches: Patches) -> Cloud:
     """Every patch through the network once."""
-    n = len(cloud)
-    size = min(patches.points, n)
-    count = min(n, math.ceil(patches.cover * n / size)) if n > size else 1
-    seeds = cloud[farthest_points(cloud, count)]
-    rows = cKDTree(cloud).query(seeds, range(1, size + 1))[1]
     device = next(network.parameters()).device
+    goal = patches.rate * len(cloud)
+    start = network.upsampler.prepare(torch.from_numpy(cloud)[None].to(device), patches.rate)[0].float().cpu().numpy()
+    n, left = len(start), goal // len(start)
+    size = min(patches.points * n // len(cloud), n)
+    count = min(n, math.ceil(patches.cover * n / size)) if n > size else 1
+    seeds = start[farthest_points(start, count)]
+    rows = cKDTree(start).query(seeds, range(1, size + 1))[1]
     made = []
     for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
-        spheres = [UnitSphere.fit(cloud[patch]) for patch in some]
-        inside = torch.from_numpy(np.stack([s.apply(cloud[p]) for s, p in zip(spheres, some, strict=True)]))
+        spheres = [UnitSphere.fit(start[patch]) for patch in some]
+        inside = torch.from_numpy(np.stack([s.apply(start[p]) for s, p in zip(spheres, some, strict=True)]))
         touches, mask = None, None
         if len(felt):
             touches = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
             mask = in_patch(touches)
-        dense = network(inside.to(device), patches.rate, touches, mask).float().cpu().numpy()
+        dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
         made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
     merged = np.concatenate(made)
     if not np.isfinite(merged).all():
         raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
-    thinned: Cloud = merged[farthest_points(merged, patches.rate * n)].astype(np.float32)
+    thinned: Cloud = merged[farthest_points(merged, goal)].astype(np.float32)
     return thinned

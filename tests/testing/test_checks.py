@@ -133,11 +133,11 @@ def test_a_result_that_jumps_here_and_there_is_not_called_wrong(monkeypatch):
             return super().forward(points, broken_network._Wrong.apply(features))
 
     run("gradcheck", Jumps)
-    for part in (Jumps, JumpsWrongly):
-        with monkeypatch.context() as patch, pytest.raises(CheckFailed, match="derivative is wrong"):
-            if part is Jumps:  # what one difference alone would say
-                patch.setattr(learning, "STEPS", (1e-6,))
-            run("gradcheck", part)
+    with pytest.raises(CheckFailed, match="derivative is wrong"):
+        run("gradcheck", JumpsWrongly)
+    monkeypatch.setattr(learning, "STEPS", (1e-6,))  # what one difference alone would say
+    with pytest.raises(CheckFailed, match="derivative is wrong"):
+        run("gradcheck", Jumps)
 
 
 def test_slopes_are_those_of_calculus():

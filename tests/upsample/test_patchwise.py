@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from pcsr.contracts import Upsampler
 from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.model import Network
@@ -17,6 +18,7 @@ class Copies(Network):
     def __init__(self):
         torch.nn.Module.__init__(self)
         self.weight = torch.nn.Parameter(torch.zeros(()))
+        self.upsampler = Upsampler()
         self.seen = []
 
     def forward(self, points, rate, touches=None, mask=None):
@@ -72,6 +74,26 @@ def test_one_pass_is_patches_around_farthest_points_merged_and_thinned():
     nearest = np.linalg.norm(dense[:, None] - given, axis=2).argmin(1)
     assert np.linalg.norm(dense - given[nearest], axis=1).max() < 0.2
     assert np.bincount(nearest, minlength=60).min() >= 1
+
+
+class Doubled(Upsampler):
+    """Prepares the points and others beside them."""
+
+    def prepare(self, points, rate):
+        return points if rate == 1 else torch.cat([points, points + 0.01], 1)
+
+
+def test_an_upsampler_that_interpolates_does_so_before_patches_are_cut():
+    network = Copies()
+    network.upsampler = Doubled()
+    dense = upsample_patches(network, cloud(64), 4, [], patches())
+    assert dense.shape == (256, 3)
+    seen = torch.cat([points for points, _, _ in network.seen])
+    assert seen.shape == (12, 32, 3)  # 128 points, each in three patches of twice as many points
+    # Each point's copy is there too, but for those that the border cuts off.
+    apart = torch.cdist(seen, seen)
+    apart.diagonal(dim1=1, dim2=2).fill_(torch.inf)
+    assert (apart.amin(2) < 0.1).float().mean() > 0.9
 
 
 def test_touches_come_along_into_each_patch_and_are_there_where_they_are_near():
