@@ -26,11 +26,11 @@ def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> F
         UserError: the clouds differ in size.
         RunError: a cloud is empty, or a coordinate is not finite.
     """
+    require_finite(prediction, target)
     if prediction.shape[1] != target.shape[1]:
         raise UserError(
             f"emd compares clouds of one size, got {prediction.shape[1]} and {target.shape[1]} points: thin one of them"
         )
-    require_finite(prediction, target)
     pairs = zip(prediction.detach().cpu().double(), target.detach().cpu().double(), strict=True)
     rows = [_mean_distance(p.numpy(), t.numpy()) for p, t in pairs]
     return torch.tensor(rows, dtype=prediction.dtype, device=prediction.device)

@@ -5,7 +5,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pcsr.errors import RunError
+from pcsr.errors import RunError, UserError
 
 CHUNK = 1024
 """Queries compared at once on a GPU: CHUNK × t distances are held in memory."""
@@ -50,8 +50,15 @@ def require_finite(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b 
     """Stop where a tree would hang or an average would turn into nan.
 
     Raises:
+        UserError: they are no two batches of as many clouds.
         RunError: a cloud is empty, or a coordinate is not finite.
     """
+    shapes = (tuple(prediction.shape), tuple(target.shape))
+    if any(len(shape) != 3 or shape[2] != 3 for shape in shapes) or shapes[0][0] != shapes[1][0]:
+        raise UserError(
+            f"metrics compare two batches of as many clouds, (b n 3) and (b m 3), got {shapes[0]} and {shapes[1]}: "
+            f"of single clouds make batches of one with [None]"
+        )
     for name, cloud in (("first", prediction), ("second", target)):
         if cloud.shape[1] == 0:
             raise RunError(f"the {name} of two compared clouds has no points: there is nothing to measure")

@@ -28,6 +28,9 @@ BLOCK = 32
 PIVOTS = 10**9
 """Steps of the network simplex: no limit in practice."""
 
+ROUNDING = 1e-12
+"""A gap of so much of the clouds' extent is the arithmetic's."""
+
 Cloud = Float[np.ndarray, "n 3"]
 Prices = Float[np.ndarray, " n"]
 Counts = Int[np.ndarray, " n"]
@@ -41,7 +44,7 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
     """Mean distance of a one-to-one assignment of a to b that is proven to be near the best.
 
     Args:
-        a: finite points.
+        a: at least one point; finite.
         b: as many.
         tolerance: how much the mean distance may exceed the proven bound, as a part of itself.
 
@@ -52,14 +55,19 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
     # Threads that work on blocks of their own: those inside of each operation would wait for one another all the time.
     torch.set_num_threads(1)
     try:
+        # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
+        corner = np.minimum(a.min(0), b.min(0))
+        extent = float(np.maximum((a - corner).max(), (b - corner).max()))
+        if extent == 0:
+            return 0.0, 0.0
         with ThreadPoolExecutor(threads) as pool:
-            return _mean_distance(a, b, tolerance, pool)
+            mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
+        return extent * mean, extent * bound
     finally:
         torch.set_num_threads(threads)
 
 
 def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tuple[float, float]:
-    extent = float(np.linalg.norm(np.ptp(np.concatenate([a, b]), axis=0)))
     centres, prices = _prices_of_cells(a, b)
     a, count_a = np.unique(a, axis=0, return_counts=True)
     b, count_b = np.unique(b, axis=0, return_counts=True)
@@ -67,15 +75,15 @@ def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tupl
     u, pairs_of_a = _cheapest(pool, a, b, v, FIRST)
     _, pairs_of_b = _cheapest(pool, b, a, u, FIRST)
     j, i = np.divmod(pairs_of_b, len(a))
-    pairs = np.concatenate([_some_plan(count_a, count_b), pairs_of_a, i * len(b) + j])
+    pairs = np.unique(np.concatenate([_some_plan(count_a, count_b), pairs_of_a, i * len(b) + j]))
     while True:
-        pairs = np.unique(pairs)
         mean, u, v = _solve(a, count_a, b, count_b, pairs)
         allowed, more = _cheapest(pool, a, b, v, MORE, u)
         bound = float((allowed @ count_a + v @ count_b) / count_a.sum())
-        if mean - bound <= tolerance * mean + 1e-12 * extent:
+        enlarged = np.union1d(pairs, more)
+        if mean - bound <= tolerance * mean + ROUNDING or len(enlarged) == len(pairs):
             return mean, bound
-        pairs = np.concatenate([pairs, more])
+        pairs = enlarged
 
 
 def _cells(cloud: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:

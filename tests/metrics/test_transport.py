@@ -81,3 +81,18 @@ def test_missing_pairs_are_found_and_added(monkeypatch):
 def test_the_same_clouds_give_the_same_value():
     a, b = np.random.default_rng(0).random((2, 300, 3))
     assert mean_distance(a, b, 1e-4) == mean_distance(a, b, 1e-4)
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-100, 1e-18, 1e-9, 1e6, 1e100, 1e300])
+def test_the_unit_does_not_matter(scale):
+    a, b = np.random.default_rng(0).random((2, 200, 3))
+    mean, bound = mean_distance(a, b, 0.0)
+    scaled = mean_distance(scale * a, scale * b, 0.0)
+    assert scaled[0] == pytest.approx(scale * mean, rel=1e-9)
+    assert scaled[1] == pytest.approx(scale * bound, rel=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, float("nan")])
+def test_a_tolerance_that_nothing_meets_ends_at_the_optimum(tolerance):
+    a, b = np.random.default_rng(0).random((2, 200, 3))
+    assert mean_distance(a, b, tolerance)[0] == pytest.approx(least_mean(a, b), rel=1e-9)
