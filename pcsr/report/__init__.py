@@ -45,8 +45,6 @@ def write_comparison(runs: Sequence[dict[str, Any]], name: str, folder: Path) ->
         name: the study's, and the page's.
         folder: where the run folders are.
     """
-    from plotly.offline import get_plotlyjs
-
     path = folder / f"{name}.html"
-    write_text(path, page(runs, name, plotly=get_plotlyjs()))
+    write_text(path, page(runs, name))
     return path

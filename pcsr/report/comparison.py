@@ -7,52 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 from pcsr.report.page import shell, table
-from pcsr.report.results import MethodResult, Results, parse_results
+from pcsr.report.results import Results, parse_results
+from pcsr.report.rows import Row, baselines, variants
 from pcsr.report.scores import decimals_of, scaled
 
 VARIED = re.compile(r"-(touches|rate)\.(\d+)")
 """What the paper's tables have as columns."""
-SEED = re.compile(r"-seed\.\d+")
-
-
-@dataclass(frozen=True)
-class Row:
-    """A variant, or a baseline."""
-
-    label: str
-    values: dict[str, np.ndarray]
-    """Of each metric, times its scale: a line for each seed, a column for each object."""
-    published: dict[str, float]
-    parameters: int
-    seconds: float
-    """For one cloud."""
-    epoch: float | None
-    """Seconds of training for each epoch, the mean over seeds; None for a baseline and for weights that don't say."""
-
-    def mean(self, metric: str) -> float:
-        """Over objects and seeds."""
-        return float(self.values[metric].mean())
-
-    def spread(self, metric: str) -> float:
-        """Sample standard deviation of the seeds' means; with one seed, of the objects."""
-        values = self.values[metric]
-        each = values.mean(1) if len(values) > 1 else values[0]
-        return float(each.std(ddof=1)) if len(each) > 1 else 0.0
-
-    def said(self, column: str) -> str:
-        """What was published of it, in a line of its own."""
-        return f"\npublished {self.published[column]:g}" if column in self.published else ""
-
-    def wins(self, other: "Row", metric: str) -> int | None:
-        """Objects on which it is strictly better, in the mean over seeds; None if those were other objects."""
-        own, theirs = self.values[metric].mean(0), other.values[metric].mean(0)
-        return int((own < theirs).sum()) if own.shape == theirs.shape else None
+UNTOLD = ("name", "evaluate.published")
+"""Settings that say nothing of how a run was made."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +35,7 @@ class Comparison:
         """For a terminal."""
         shown = Table(title=escape(self.title), caption=escape(self.note), box=box.SIMPLE_HEAD)
         for number, head in enumerate(self.heads):
-            shown.add_column(head, justify="right" if number else "left")
+            shown.add_column(head, justify="right" if number else "left", overflow="fold")
         for line in self.cells:
             shown.add_row(*map(escape, line))
         return shown
@@ -92,91 +59,84 @@ def compare(runs: Sequence[dict[str, Any]], name: str) -> list[Comparison]:
         UserError: results that are malformed.
     """
     checked = [parse_results(run) for run in runs]
-    rows = [*variants(checked, name), *_baselines(checked)]
+    rows = [*variants(checked, name), *baselines(checked)]
     tables = [_whole(rows, checked, name)]
     if (pivot := _pivot(rows, checked)) is not None:
         tables.append(pivot)
     return tables
 
 
-def page(runs: Sequence[dict[str, Any]], name: str, *, plotly: str) -> str:
+def page(runs: Sequence[dict[str, Any]], name: str) -> str:
     """The tables as one page that needs nothing but a browser."""
-    body = f"<h1>{html.escape(name)}</h1>" + "".join(one.as_html() for one in compare(runs, name))
-    return shell(name, body, {"examples": [], "charts": {}}, plotly=plotly)
-
-
-def variants(runs: Sequence[Results], name: str) -> list[Row]:
-    """A row for each recipe; runs that differ in nothing but their seed share one."""
-    together: dict[str, list[Results]] = {}
-    for run in runs:
-        same = {key: value for key, value in run.recipe.items() if key not in ("name", "seed")}
-        together.setdefault(json.dumps(same, sort_keys=True), []).append(run)
-    rows = []
-    for of_one in together.values():
-        label = SEED.sub("", of_one[0].name).removeprefix(f"{name}-")
-        published = of_one[0].recipe.get("evaluate", {}).get("published", {})
-        rows.append(_row(label, [run.methods[0] for run in of_one], of_one, published))
-    return rows
-
-
-def _baselines(runs: Sequence[Results]) -> list[Row]:
-    """Each baseline once, unless it was measured on other clouds."""
-    rows: list[Row] = []
-    for run in runs:
-        for method in run.methods[1:]:
-            row = _row(method.name, [method], [run], {})
-            if not any(
-                row.label == old.label and all(np.array_equal(row.values[m], old.values[m]) for m in row.values)
-                for old in rows
-            ):
-                rows.append(row)
-    return rows
-
-
-def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], published: dict[str, float]) -> Row:
-    values = {
-        metric: np.array([method.values[metric] for method in methods]) * note.scale
-        for metric, note in runs[0].metrics.items()
-    }
-    trained = [run.training.seconds for run in runs if run.training.seconds is not None]
-    of_network = methods[0] is runs[0].methods[0] and trained
-    return Row(
-        label,
-        values,
-        published,
-        methods[0].parameters,
-        float(np.mean([method.seconds for method in methods])),
-        float(np.mean(trained)) / runs[0].recipe["train"]["epochs"] if of_network else None,
-    )
+    checked = [parse_results(run) for run in runs]
+    tables = [*compare(runs, name), *_differences(checked)]
+    body = f"<h1>{html.escape(name)}</h1>" + "".join(one.as_html() for one in tables) + _reports(checked)
+    return shell(name, body)
 
 
 def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Comparison:
     notes = runs[0].metrics
     heads = ["", *(scaled(metric, note.scale) for metric, note in notes.items())]
     heads += ["parameters", "s/cloud", "s/epoch"]
+    seeds = sorted({run.seed for run in runs})
     cells = []
     for row in rows:
         line = [row.label]
         for metric in notes:
             places = decimals_of(min(other.mean(metric) for other in rows))
-            text = f"{row.mean(metric):.{places}f} ± {row.spread(metric):.{places}f}"
+            text = f"{row.mean(metric):.{places}f}"
+            if (spread := row.spread(metric, over_seeds=len(seeds) > 1)) is not None:
+                text += f" ± {spread:.{places}f}"
             if row is not rows[0] and (wins := row.wins(rows[0], metric)) is not None:
                 text += f"\n{wins}/{row.values[metric].shape[1]} wins"
             line.append(text + row.said(metric))
         epoch = "" if row.epoch is None else f"{row.epoch:.3g}"
         line += [f"{row.parameters:,}" if row.parameters else "", f"{row.seconds:.3g}" + row.said("s/cloud")]
         cells.append([*line, epoch + row.said("s/epoch")])
-    seeds = sorted({run.seed for run in runs})
     of = f"the means of {len(seeds)} seeds ({', '.join(map(str, seeds))})" if len(seeds) > 1 else "the objects"
     data = runs[0].data
+    sizes = " or ".join(dict.fromkeys(f"{run.data.points} points to {run.data.truth}" for run in runs))
     note = (
-        f"{len(runs[0].objects)} objects, {data.split} split of {data.shapes}; {data.points} points to {data.truth}. "
-        f"Mean ± sample standard deviation over {of}; lower is better. Wins: objects on which it is better than "
-        f"{rows[0].label}. Published: on other data. "
-        + "; ".join(f"{metric}: {of_metric.description}" for metric, of_metric in notes.items())
-        + "."
+        f"{len(runs[0].objects)} objects, {data.split} split of {data.shapes}; {sizes}; "
+        f"{data.normalisation.removesuffix('.')}. Mean ± sample standard deviation over {of}; lower is better. "
+        f"Wins: objects of the same clouds on which it is better than {rows[0].label}, in the mean over seeds. "
     )
+    if any(row.published for row in rows):
+        note += "Published: on other data. "
+    note += "; ".join(f"{metric}: {of_metric.description}" for metric, of_metric in notes.items()) + "."
     return Comparison(name, heads, cells, note)
+
+
+def _differences(runs: Sequence[Results]) -> list[Comparison]:
+    """Every setting that is not the same in all runs; nothing where there is none."""
+    settings = [_flat(run.recipe) for run in runs]
+    keys = dict.fromkeys(key for of_run in settings for key in of_run if not key.startswith(UNTOLD))
+    different = [key for key in keys if len({json.dumps(of_run.get(key)) for of_run in settings}) > 1]
+    if not different:
+        return []
+    cells = [[key, *("" if of_run.get(key) is None else str(of_run[key]) for of_run in settings)] for key in different]
+    return [Comparison("What differs", ["", *(run.name for run in runs)], cells, "All other settings are the same.")]
+
+
+def _flat(node: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested settings as dotted keys."""
+    if not (isinstance(node, dict) and node):
+        return {prefix: node}
+    flat: dict[str, Any] = {}
+    for key, value in node.items():
+        flat |= _flat(value, f"{prefix}.{key}" if prefix else key)
+    return flat
+
+
+def _reports(runs: Sequence[Results]) -> str:
+    """Links to the reports of the runs, whose folders are beside the page, and where they were made."""
+    links = "".join(
+        f'<li><a href="{html.escape(run.name)}-{run.fingerprint[:8]}/report.html">{html.escape(run.name)}</a>, '
+        f"pcsr {html.escape(run.version)}, {html.escape(run.created)}, "
+        f"{html.escape(', '.join(f'{key} {value}' for key, value in run.hardware.items()))}</li>"
+        for run in runs
+    )
+    return f"<section><h2>Reports</h2><ul>{links}</ul></section>"
 
 
 def _pivot(rows: Sequence[Row], runs: Sequence[Results]) -> Comparison | None:

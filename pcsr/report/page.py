@@ -45,23 +45,28 @@ def render(
     return shell(f"{results.name}: results", body, drawn, plotly=plotly)
 
 
-def shell(title: str, body: str, drawn: dict[str, Any], *, plotly: str) -> str:
+def shell(title: str, body: str, drawn: dict[str, Any] | None = None, *, plotly: str = "") -> str:
     """A page that needs nothing but a browser.
 
     Args:
         title: plain text.
         body: HTML.
-        drawn: `examples`, rows of views as `views` gives them, and `charts` by name.
+        drawn: `examples`, rows of views as `views` gives them, and `charts` by name; None: nothing is drawn.
         plotly: the source of plotly.js, embedded once.
     """
+    scripts = ""
+    if drawn is not None:
+        body += "\n<noscript><p>The views and charts need JavaScript.</p></noscript>"
+        scripts = (
+            f'<script type="application/json" id="drawn">{_json(drawn)}</script>\n'
+            f"<script>{plotly}</script>\n<script>\n{_asset('page.js')}</script>\n"
+        )
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(title)}</title>\n"
-        f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n"
-        "<noscript><p>The views and charts need JavaScript.</p></noscript>\n</main>\n"
-        f'<script type="application/json" id="drawn">{_json(drawn)}</script>\n'
-        f"<script>{plotly}</script>\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
+        f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        f"{scripts}</body>\n</html>\n"
     )
 
 

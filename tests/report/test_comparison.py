@@ -9,8 +9,8 @@ from rich.console import Console
 
 from pcsr.errors import UserError
 from pcsr.report import compare, write_comparison
-from pcsr.report.comparison import variants
 from pcsr.report.results import parse_results
+from pcsr.report.rows import variants
 
 
 def run(results, name, *, seed=0, factor=1.0, published=None, **recipe):
@@ -67,6 +67,7 @@ def test_runs_that_differ_in_their_seed_alone_are_one_row(results):
     runs = [run(results, f"study-a-seed.{seed}", seed=seed, factor=1 + seed) for seed in range(3)]
     runs.append(run(results, "study-b", model=2))
     (made,) = compare(runs, "study")
+    assert "±" not in line(made, "b")["cd ×10³"], "one seed has no deviation over seeds"
     means = 1000 * np.mean(results["methods"][0]["values"]["cd"]) * np.array([1, 2, 3])
     assert line(made, "a")["cd ×10³"] == f"{means.mean():.3f} ± {means.std(ddof=1):.3f}"
     assert "over the means of 3 seeds (0, 1, 2)" in made.note
@@ -106,6 +107,7 @@ def test_names_are_no_markup_on_screen_or_page(results, tmp_path):
     page = write_comparison(runs, "study", tmp_path)
     assert page == tmp_path / "study.html"
     text = page.read_text(encoding="utf-8")
+    assert "<script" not in text, "nothing is drawn"
     assert "<b>b" not in text
     assert "&lt;b&gt;b" in text
     assert "6/6 wins" not in text
@@ -117,3 +119,26 @@ def test_malformed_results_are_named(results):
     del broken["methods"][0]["seconds"]
     with pytest.raises(UserError, match=r"methods\.0\.seconds"):
         compare([broken], "study")
+
+
+def test_rows_of_other_clouds_are_not_counted_against_each_other(results):
+    other = run(results, "study-b", model=2, factor=0.5)
+    other["data"] |= {"truth": 512, "rate": 8}
+    whole, *_ = compare([run(results, "study-a", model=1), other], "study")
+    assert "wins" not in line(whole, "b")["cd ×10³"]
+    assert {cells[0] for cells in whole.cells} >= {"midpoint 4×"}
+    assert "64 points to 256 or 64 points to 512" in whole.note
+
+
+def test_labels_leave_out_what_all_begin_with(results):
+    runs = [run(results, f"small-fusion.{name}", model=name) for name in ("my.one", "my.other")]
+    (made,) = compare(runs, "compare")
+    assert [cells[0] for cells in made.cells][:2] == ["fusion.my.one", "fusion.my.other"]
+
+
+def test_the_page_says_how_the_runs_differ_and_where_their_reports_are(results, tmp_path):
+    runs = [run(results, "study-a", train={"epochs": 1}), run(results, "study-b", train={"epochs": 7})]
+    text = write_comparison(runs, "study", tmp_path).read_text(encoding="utf-8")
+    assert '<th scope="row">train.epochs</th><td>1</td><td>7</td>' in text
+    assert "data.points" not in text
+    assert 'href="study-a-ab12cd34/report.html"' in text

@@ -1,0 +1,108 @@
+"""The rows of a comparison: each recipe with all of its seeds, and each baseline once."""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pcsr.report.results import MethodResult, Results
+
+SEED = re.compile(r"-seed\.\d+")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A variant, or a baseline."""
+
+    label: str
+    clouds: tuple[Any, ...]
+    """What it was measured on: only rows of the same can be counted against each other."""
+    values: dict[str, np.ndarray]
+    """Of each metric, times its scale: a line for each seed, a column for each object."""
+    published: dict[str, float]
+    parameters: int
+    seconds: float
+    """For one cloud."""
+    epoch: float | None
+    """Seconds of training for each epoch, the mean over seeds; None for a baseline and for weights that don't say."""
+
+    def mean(self, metric: str) -> float:
+        """Over objects and seeds."""
+        return float(self.values[metric].mean())
+
+    def spread(self, metric: str, *, over_seeds: bool) -> float | None:
+        """Sample standard deviation over the seeds' means, or over objects; None where there is but one."""
+        values = self.values[metric]
+        each = values.mean(1) if over_seeds else values[0]
+        return float(each.std(ddof=1)) if len(each) > 1 else None
+
+    def said(self, column: str) -> str:
+        """What was published of it, in a line of its own."""
+        return f"\npublished {self.published[column]:g}" if column in self.published else ""
+
+    def wins(self, other: "Row", metric: str) -> int | None:
+        """Objects on which it is strictly better, in the mean over seeds; None if those were other clouds."""
+        if self.clouds != other.clouds:
+            return None
+        return int((self.values[metric].mean(0) < other.values[metric].mean(0)).sum())
+
+
+def variants(runs: Sequence[Results], name: str) -> list[Row]:
+    """A row for each recipe; runs that differ in nothing but their seed share one."""
+    together: dict[str, list[Results]] = {}
+    for run in runs:
+        same = {key: value for key, value in run.recipe.items() if key not in ("name", "seed")}
+        together.setdefault(json.dumps(same, sort_keys=True), []).append(run)
+    shared = _shared([SEED.sub("", of_one[0].name).removeprefix(f"{name}-") for of_one in together.values()])
+    rows = []
+    for of_one in together.values():
+        label = SEED.sub("", of_one[0].name).removeprefix(f"{name}-").removeprefix(shared)
+        published = of_one[0].recipe.get("evaluate", {}).get("published", {})
+        rows.append(_row(label, [run.methods[0] for run in of_one], of_one, published))
+    return rows
+
+
+def _shared(labels: Sequence[str]) -> str:
+    """What all labels begin with, up to a hyphen."""
+    shared = ""
+    for parts in zip(*(label.split("-")[:-1] for label in labels), strict=False):
+        if len(labels) < 2 or len(set(parts)) > 1:
+            break
+        shared += f"{parts[0]}-"
+    return shared
+
+
+def baselines(runs: Sequence[Results]) -> list[Row]:
+    """Each baseline once, unless it was measured on other clouds."""
+    rows: list[Row] = []
+    for run in runs:
+        for method in run.methods[1:]:
+            rate = f" {run.data.rate}×" if len({other.data.rate for other in runs}) > 1 else ""
+            row = _row(method.name + rate, [method], [run], {})
+            if not any(
+                row.label == old.label and all(np.array_equal(row.values[m], old.values[m]) for m in row.values)
+                for old in rows
+            ):
+                rows.append(row)
+    return rows
+
+
+def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], published: dict[str, float]) -> Row:
+    values = {
+        metric: np.array([method.values[metric] for method in methods]) * note.scale
+        for metric, note in runs[0].metrics.items()
+    }
+    trained = [run.training.seconds for run in runs if run.training.seconds is not None]
+    of_network = methods[0] is runs[0].methods[0] and trained
+    return Row(
+        label,
+        (tuple(runs[0].objects), runs[0].data.points, runs[0].data.truth, runs[0].data.sampling),
+        values,
+        published,
+        methods[0].parameters,
+        float(np.mean([method.seconds for method in methods])),
+        float(np.mean(trained)) / runs[0].recipe["train"]["epochs"] if of_network else None,
+    )
