@@ -16,7 +16,7 @@ from typing import Any
 import pluggy
 
 from pcsr import hookspecs
-from pcsr.errors import PcsrError, UserError
+from pcsr.errors import PcsrError, UserError, did_you_mean
 from pcsr.registry import Failure, Register, Registry
 
 GROUP = "pcsr"
@@ -91,7 +91,10 @@ def why(registry: Registry, name: str) -> str:
     ]
     failures = [f for f in registry.failures if name == f.owner]
     if not lines and not failures:
-        lines.append(f"no installed plugin registers a part or is called '{name}'")
+        known = {entry.name for entry in registry} | {entry.owner for entry in registry}
+        meant = did_you_mean(name, sorted(known))
+        hint = f": {meant}" if meant.startswith("did") else "; a part in a file needs --plugin FILE"
+        lines.append(f"no installed plugin registers a part or is called '{name}'{hint}")
         failures = registry.failures
     for failure in failures:
         lines.append(

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 import pcsr.cli
 from pcsr.cli.export import export
+from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
 from pcsr.export import _graph, export_onnx
 from pcsr.geometry.neighbours import knn, neighbour_max
@@ -157,7 +158,7 @@ class Undecided(torch.nn.Module):
         return -points.repeat(1, rate, 1)
 
 
-class OfTwo(torch.nn.Module):
+class OfTwo(Upsampler):
     """Knows batches of two alone."""
 
     def forward(self, points, features, rate):

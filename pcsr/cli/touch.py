@@ -90,8 +90,8 @@ def touch(
     length = item.mesh.extents.max() * touches[0].unit
     click.echo(
         f"{folder}: {count} touches of {mesh.name} ({length:.4g} mm long) by {touches[0].sensor}, "
-        f"{len(touches[0].points)} points each, contacts of {min(areas, default=0):.0f} to "
-        f"{max(areas, default=0):.0f} mm²{felt}"
+        f"{len(touches[0].points)} points each"
+        + (f", contacts of {min(areas):.0f} to {max(areas):.0f} mm²{felt}" if areas else "")
     )
 
 
