@@ -61,7 +61,9 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
         if not manager.hook.pcsr_register.get_hookimpls():
             raise UserError("it has no function pcsr_register marked @pcsr.hookimpl, so it registers nothing")
         manager.hook.pcsr_register(register=Register(registry, owner, version))
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin that calls sys.exit must not end the rest
         registry.entries = before
         registry.failures.append(Failure(owner, version, error))
 
@@ -109,7 +111,7 @@ def _where(target: type | str) -> str:
     return target if isinstance(target, str) else target.__name__
 
 
-def _place(error: Exception) -> str:
+def _place(error: BaseException) -> str:
     """The file and line where a plugin failed, without our own frames."""
     place = error.__traceback__
     while place is not None and place.tb_next is not None:

@@ -61,7 +61,7 @@ class Failure:
 
     owner: str
     version: str
-    error: Exception
+    error: BaseException
 
 
 @dataclass

@@ -174,3 +174,12 @@ def test_a_distribution_that_is_on_the_path_twice_counts_once(monkeypatch):
     registry = load_plugins()
     assert not registry.failures
     assert registry.names("fusion")
+
+
+@pytest.mark.parametrize("how", ["SystemExit(0)", "BaseException('odd')"])
+def test_a_plugin_that_wants_to_end_everything_ends_itself_alone(write, how):
+    path = write(f"raise {how}\n")
+    registry = load_plugins([path])
+    assert [failure.owner for failure in registry.failures] == [str(path)]
+    assert "failed to load" in why(registry, str(path))
+    assert registry.names("fusion")

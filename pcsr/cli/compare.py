@@ -1,5 +1,6 @@
 """`pcsr compare`: parts or recipes against each other, on the same data, seeds and budget, to one table."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,10 @@ import click
 
 from pcsr.cli.options import FILE, plugin_option, set_option
 from pcsr.cli.running import place_options, run_all
+from pcsr.errors import UserError
 
+NAME = r"[a-z0-9][a-z0-9.-]{0,99}"
+"""What is a file's name everywhere, and beside the run folders."""
 KINDS = ("encoder", "fusion", "backbone", "upsampler", "objective")
 
 
@@ -47,6 +51,8 @@ def compare(
     """
     from pcsr.recipe import load
 
+    if not re.fullmatch(NAME, name):
+        raise UserError(f"--name {name!r}: it must be up to 100 of a-z, 0-9, . and -, the first a letter or a digit")
     axes: dict[str, list[Any]] = {}
     for kind, named in parts.items():
         if named:

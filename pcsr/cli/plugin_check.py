@@ -72,7 +72,8 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     if any(failure.owner == name for failure in registry.failures):
         raise UserError(why(registry, name))
     known = {entry.name for entry in registry if kind in (None, entry.kind)}
-    raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}")
+    failed = "".join(f"; {why(registry, failure.owner)}" for failure in registry.failures)
+    raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}{failed}")
 
 
 def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:

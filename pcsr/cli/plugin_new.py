@@ -1,6 +1,7 @@
 """`pcsr plugins new`: a distribution with one part of one's own, whose test passes as it is written."""
 
 import ast
+import importlib.metadata
 import importlib.util
 import keyword
 import os
@@ -26,6 +27,8 @@ SECTIONS = {
 }
 """Each kind of part, and the section of a recipe that names one."""
 
+LONGEST = 100
+"""Characters of a name."""
 NAME = r"[A-Za-z][A-Za-z0-9]*(-[A-Za-z0-9]+)*"
 
 
@@ -87,6 +90,10 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     source = _template(f"{kind}.py.txt")
     if keyword.iskeyword(module) or keyword.iskeyword(part) or part in _names(source.substitute(values, part="_")):
         raise UserError(f"name '{name}': its module {module} or class {part} means something else: choose another")
+    if len(name) > LONGEST:
+        raise UserError(f"name '{name[:20]}…' is {len(name)} characters long: at most {LONGEST} make a file's name")
+    if (owner := _installed(name)) is not None:
+        raise UserError(f"name '{name}': pip would put it in the place of {owner}, which is installed: choose another")
     if importlib.util.find_spec(module) is not None:
         raise UserError(f"name '{name}': it would hide the module {module}, which is installed: choose another")
     values["part"] = part
@@ -96,6 +103,13 @@ def distribution(kind: str, name: str) -> dict[str, str]:
         f"test_{module}.py": _template("test.py.txt").substitute(values),
         "README.md": _template("README.md.txt").substitute(values),
     }
+
+
+def _installed(name: str) -> str | None:
+    """The installed distribution that pip takes for the same name, by the rules of PEP 503."""
+    wanted = re.sub(r"[-_.]+", "-", name).lower()
+    owners = (str(one.metadata["Name"]) for one in importlib.metadata.distributions())
+    return next((owner for owner in owners if re.sub(r"[-_.]+", "-", owner).lower() == wanted), None)
 
 
 def _template(file: str) -> Template:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pcsr.cli.options import FILE
+from pcsr.errors import UserError
 
 if TYPE_CHECKING:
     from pcsr.recipe import Recipe
@@ -57,7 +58,14 @@ def place_options(command: Callable[..., Result]) -> Callable[..., Result]:
 
     @functools.wraps(command)
     def with_place(
-        *args: object, runs: Path, device: str, devices: int, nodes: int, jobs: int, data: Path, **kwargs: object
+        *args: object,
+        runs: Path,
+        device: str,
+        devices: int,
+        nodes: int,
+        jobs: int | None,
+        data: Path | None,
+        **kwargs: object,
     ) -> Result:
         where = {"runs": runs, "device": device, "devices": devices, "nodes": nodes, "jobs": jobs, "data": data}
         return command(*args, where=where, **kwargs)
@@ -94,17 +102,27 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
             markup=False,
             soft_wrap=True,
         )
+    folders: dict[Path, str] = {}
+    for one in recipes:
+        folder = run_folder(one, place)
+        if folder in folders:
+            raise UserError(
+                f"two of the runs are '{one.name}' and would be kept in one folder, {folder}, the second in the "
+                f"place of the first: give one of them a `name:` of its own"
+            )
+        folders[folder] = one.name
     everything = []
     for one in recipes:
         results = run(one, registry, place, console)
         if results:  # one process of several has them
             everything.append(results)
             console.print(report.table(results))
-            console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True)
+            console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True, markup=False)
     if len(everything) > 1:
         for one_table in report.compare(everything, name):
             console.print(one_table.on_screen())
-        console.print(f"all of them: {report.write_comparison(everything, name, place.runs)}", soft_wrap=True)
+        page = report.write_comparison(everything, name, place.runs)
+        console.print(f"all of them: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():
         # Left to the end of the process, its threads may still run then, and it would abort.
         torch.distributed.destroy_process_group()

@@ -102,6 +102,8 @@ def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[st
     path = ".".join(map(str, (*head, *keys)))
     if kind == "extra_forbidden":
         owner = " ".join([*head, *(str(k) for k in keys[:-1])]) or "a recipe"
+        if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
+            return Mistake(locate(keys, True), f"'{keys[-1]}' is read before this: write it at the top of the file")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
         return Mistake(locate(keys, True), f"{owner} takes no '{keys[-1]}': {remedy}")
     if kind == "missing":

@@ -51,6 +51,7 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
         yield study
         return
     rows = study.data.pop("recipes")
+    path = Path(study.values[("recipes",)].origin)  # of a study that extends another, the file that says so
     if not (isinstance(rows, list) and rows):
         text = "recipes names recipe files in a list: `recipes: [tapsr.yaml, pu-gan.yaml]`"
         raise RecipeError([Mistake(study.values[("recipes",)], text)])
@@ -64,6 +65,9 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
         if not target.is_file():
             raise RecipeError([Mistake(study.place(item), f"there is no recipe {target}: it is relative to this file")])
         single = _with_parents(target, ())
+        if "recipes" in single.data:
+            text = f"{target} is a study itself, and a study names recipes: name those of it"
+            raise RecipeError([Mistake(study.place(item), text)])
         name = changes.get("name", single.data.get("name"))
         made = merge(single, study)
         for dotted, value in changes.items():

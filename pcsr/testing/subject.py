@@ -62,7 +62,7 @@ class Subject:
                     run(self)
             except (CheckFailed, Skipped):
                 raise
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise self.failure(
                     f"it raised {said(error)}", f"that the check '{name}' runs through", "see where the error arose"
                 ) from error

@@ -99,7 +99,7 @@ def test_a_bad_name_is_refused(new, name, tmp_path):
         ("class", "its module class or class Class means something else"),
         ("fusion", "its module fusion or class Fusion means something else"),
         ("touches", "its module touches or class Touches means something else"),
-        ("torch", "it would hide the module torch, which is installed"),
+        ("torch", "pip would put it in the place of torch, which is installed"),
         ("json", "it would hide the module json, which is installed"),
     ],
 )
@@ -142,4 +142,19 @@ def test_a_folder_is_written_whole_or_not_at_all(new, tmp_path, monkeypatch):
     result = new("fusion", "my-fusion")
     assert result.exit_code == 1
     assert "folder my-fusion could not be written: No space left on device" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("ruamel-yaml", "in the place of ruamel.yaml, which is installed"),
+        ("PoT", "in the place of POT, which is installed"),
+        ("x" * 101, "is 101 characters long"),
+    ],
+)
+def test_what_pip_or_a_disk_would_not_take_is_refused(new, name, said, tmp_path):
+    result = new("fusion", name)
+    assert result.exit_code == UserError.exit_code
+    assert said in result.output
     assert not list(tmp_path.iterdir())

@@ -189,3 +189,10 @@ def test_patches_that_the_data_has_not(write, registry, patches, said):
     path = write(f"name: a\npatches: {patches}", model=True)
     (line,) = lines(path, registry)
     assert line == f"recipe.yaml:2:{said}"
+
+
+@pytest.mark.parametrize("key", ["extends", "recipes"])
+def test_what_is_read_before_is_said_to_be(write, registry, key):
+    write("name: one\nmodel: {encoder: net, fusion: blend, backbone: refine, upsampler: dense}", "one.yaml")
+    said = lines(write(f"name: study\nrecipes: [{{use: one.yaml, {key}: x}}]"), registry)
+    assert any(f"'{key}' is read before this: write it at the top of the file" in line for line in said)

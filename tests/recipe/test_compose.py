@@ -359,3 +359,17 @@ def test_axes_from_outside_vary_as_a_matrix_does(write):
     ]
     assert runs[1].data["model"] == {"encoder": {"use": "net"}, "fusion": {"use": "y"}}
     assert runs[1].place(("model", "fusion", "use")) == Place("--fusion y")
+
+
+def test_a_study_names_no_study(write):
+    write("name: one", "one.yaml")
+    write("name: inner\nrecipes: [one.yaml]", "inner.yaml")
+    with pytest.raises(RecipeError, match=r"recipe\.yaml:2:11: .*inner\.yaml is a study itself"):
+        compose(write("name: study\nrecipes: [inner.yaml]"))
+
+
+def test_the_recipes_of_an_extended_study_are_where_it_is(write):
+    write("name: one", "some/one.yaml")
+    write("name: inner\nrecipes: [one.yaml]", "some/study.yaml")
+    (made,) = compose(write("extends: some/study.yaml\nname: outer"))
+    assert made.data["name"] == "outer-one"
