@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
+WIDTH = 140
+"""Columns of a table that goes into a file or a pipe."""
+
 _OPTIONS = (
     click.option(
         "--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."
@@ -119,8 +122,9 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
             console.print(report.table(results))
             console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True, markup=False)
     if len(everything) > 1:
+        wide = console if console.is_terminal else Console(width=WIDTH)
         for one_table in report.compare(everything, name):
-            console.print(one_table.on_screen())
+            wide.print(one_table.on_screen())
         page = report.write_comparison(everything, name, place.runs)
         console.print(f"all of them: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():

@@ -34,8 +34,10 @@ class Comparison:
     def on_screen(self) -> Table:
         """For a terminal."""
         shown = Table(title=escape(self.title), caption=escape(self.note), box=box.SIMPLE_HEAD)
-        for number, head in enumerate(self.heads):
-            shown.add_column(head, justify="right" if number else "left", overflow="fold")
+        widest = max(len(line[0]) for line in self.cells)
+        shown.add_column(self.heads[0], min_width=widest)  # names that are cut or folded cannot be told apart
+        for head in self.heads[1:]:
+            shown.add_column(head, justify="right", overflow="fold")
         for line in self.cells:
             shown.add_row(*map(escape, line))
         return shown

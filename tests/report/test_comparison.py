@@ -142,3 +142,12 @@ def test_the_page_says_how_the_runs_differ_and_where_their_reports_are(results, 
     assert '<th scope="row">train.epochs</th><td>1</td><td>7</td>' in text
     assert "data.points" not in text
     assert 'href="study-a-ab12cd34/report.html"' in text
+
+
+def test_names_are_whole_on_a_narrow_screen(results):
+    names = [f"a-{'long' * 6}-name-{number}" for number in range(2)]
+    (made,) = compare([run(results, name, model=name) for name in names], "study")
+    console = Console(file=io.StringIO(), width=80)
+    console.print(made.on_screen())
+    text = console.file.getvalue()
+    assert all(cells[0] in text for cells in made.cells[:2])
