@@ -54,8 +54,8 @@ def test_every_command_does_what_is_said_of_it(done):
 def test_the_comparison_ends_in_a_table_of_both_fusions(done):
     (compared,) = [text for line, text in done[0] if line.startswith("pcsr compare")]
     table = compared[compared.rindex("report: ") :]
-    rows = re.findall(r"^ +(small-fusion\.[a-z.]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
-    assert rows == ["small-fusion.iterative", "small-fusion.my.fusion"]
+    rows = re.findall(r"^ +(fusion\.[a-z.]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
+    assert rows == ["fusion.iterative", "fusion.my.fusion"]
 
 
 def test_weights_say_what_has_to_be_installed(done):
