@@ -192,6 +192,7 @@ def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
             "rate": data.rate,
             "touches": data.touches,
             "sampling": data.sampling,
+            "seed": recipe.data_seed,
             "normalisation": "compared in the frame in which the truth fills the unit sphere",
             "object_size": data.touch.options.get("object_size"),
             "coverage": split.coverage(data.touches),

@@ -42,8 +42,8 @@ def compare(
 ) -> None:
     r"""Train and measure recipes, or one with several parts, alike.
 
-    Each recipe is run with each combination of the parts that are named. All see the same data; with --seeds the data
-    stays that of the first seed. The first row of the table is what wins are counted against.
+    Each recipe is run with each combination of the parts that are named. All see the same data; with --seeds too, which
+    varies the training alone. The first row of the table is what wins are counted against.
 
     \b
     pcsr compare recipes/smoke.yaml --fusion concat --fusion iterative --seeds 3
@@ -59,6 +59,5 @@ def compare(
             axes[f"{'train' if kind == 'objective' else 'model'}.{kind}"] = list(named)
     if seeds > 1:
         axes["seed"] = list(range(seeds))
-        overrides = (*overrides, "data.seed=0")
     every = [one for file in recipes for one in load(file, registry, overrides, axes)]
     run_all(every, registry, where, name)

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
+PLACE = ("runs", "device", "devices", "nodes", "jobs", "data")
+"""The fields of `pcsr.run.Place`, each an option."""
 WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
 
 _OPTIONS = (
-    click.option(
-        "--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."
-    ),
+    click.option("--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."),
     click.option(
         "--device",
         type=click.Choice(["auto", "cpu", "cuda"]),
@@ -53,25 +53,15 @@ _OPTIONS = (
         default=None,
         help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own.",
     ),
-)  # fmt: skip
+)
 
 
 def place_options(command: Callable[..., Result]) -> Callable[..., Result]:
     """Give a command the options of `pcsr.run.Place`, and hand it their values as `where`."""
 
     @functools.wraps(command)
-    def with_place(
-        *args: object,
-        runs: Path,
-        device: str,
-        devices: int,
-        nodes: int,
-        jobs: int | None,
-        data: Path | None,
-        **kwargs: object,
-    ) -> Result:
-        where = {"runs": runs, "device": device, "devices": devices, "nodes": nodes, "jobs": jobs, "data": data}
-        return command(*args, where=where, **kwargs)
+    def with_place(*args: object, **kwargs: Any) -> Result:
+        return command(*args, where={name: kwargs.pop(name) for name in PLACE}, **kwargs)
 
     for option in reversed(_OPTIONS):
         with_place = option(with_place)

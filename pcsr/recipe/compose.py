@@ -175,7 +175,13 @@ def lay_over(source: Source, override: str, written: str | None = None) -> None:
 
 
 def _add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
-    """Vary a value as a line of the matrix would; where the matrix does so already, instead of it."""
+    """Vary a value as a line of the matrix would; where the matrix does so already, instead of it.
+
+    A seed that is varied like that is the training's: the data keeps the one that it had.
+    """
+    data = source.data.get("data", {})
+    if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
+        assign(source, ("data", "seed"), source.data.get("seed", 0), Place("--seeds"))
     matrix = source.data.setdefault("matrix", {})
     if isinstance(matrix, dict):  # anything else is a mistake that is told later
         matrix[axis] = list(values)

@@ -60,20 +60,21 @@ def compare(runs: Sequence[dict[str, Any]], name: str) -> list[Comparison]:
     Raises:
         UserError: results that are malformed.
     """
-    checked = [parse_results(run) for run in runs]
-    rows = [*variants(checked, name), *baselines(checked)]
-    tables = [_whole(rows, checked, name)]
-    if (pivot := _pivot(rows, checked)) is not None:
-        tables.append(pivot)
-    return tables
+    return _tables([parse_results(run) for run in runs], name)
 
 
 def page(runs: Sequence[dict[str, Any]], name: str) -> str:
     """The tables as one page that needs nothing but a browser."""
     checked = [parse_results(run) for run in runs]
-    tables = [*compare(runs, name), *_differences(checked)]
+    tables = [*_tables(checked, name), *_differences(checked)]
     body = f"<h1>{html.escape(name)}</h1>" + "".join(one.as_html() for one in tables) + _reports(checked)
     return shell(name, body)
+
+
+def _tables(runs: Sequence[Results], name: str) -> list[Comparison]:
+    rows = [*variants(runs, name), *baselines(runs)]
+    pivot = _pivot(rows, runs)
+    return [_whole(rows, runs, name), *([] if pivot is None else [pivot])]
 
 
 def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Comparison:
@@ -81,11 +82,11 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
     heads = ["", *(scaled(metric, note.scale) for metric, note in notes.items())]
     heads += ["parameters", "s/cloud", "s/epoch"]
     seeds = sorted({run.seed for run in runs})
+    decimals = {metric: decimals_of(min(row.mean(metric) for row in rows)) for metric in notes}
     cells = []
     for row in rows:
         line = [row.label]
-        for metric in notes:
-            places = decimals_of(min(other.mean(metric) for other in rows))
+        for metric, places in decimals.items():
             text = f"{row.mean(metric):.{places}f}"
             if (spread := row.spread(metric, over_seeds=len(seeds) > 1)) is not None:
                 text += f" ± {spread:.{places}f}"

@@ -27,6 +27,8 @@ class Data(BaseModel):
     rate: int
     touches: int
     sampling: str
+    seed: int | None = None
+    """Of the objects' clouds; None in results of old."""
     normalisation: str
     coverage: float | None = None
     """Part of the truth that the touches felt, 0 to 1."""

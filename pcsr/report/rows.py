@@ -56,13 +56,17 @@ def variants(runs: Sequence[Results], name: str) -> list[Row]:
     for run in runs:
         same = {key: value for key, value in run.recipe.items() if key not in ("name", "seed")}
         together.setdefault(json.dumps(same, sort_keys=True), []).append(run)
-    shared = _shared([SEED.sub("", of_one[0].name).removeprefix(f"{name}-") for of_one in together.values()])
-    rows = []
-    for of_one in together.values():
-        label = SEED.sub("", of_one[0].name).removeprefix(f"{name}-").removeprefix(shared)
-        published = of_one[0].recipe.get("evaluate", {}).get("published", {})
-        rows.append(_row(label, [run.methods[0] for run in of_one], of_one, published))
-    return rows
+    labels = [SEED.sub("", of_one[0].name).removeprefix(f"{name}-") for of_one in together.values()]
+    shared = _shared(labels)
+    return [
+        _row(
+            label.removeprefix(shared),
+            [run.methods[0] for run in of_one],
+            of_one,
+            of_one[0].recipe.get("evaluate", {}).get("published", {}),
+        )
+        for label, of_one in zip(labels, together.values(), strict=True)
+    ]
 
 
 def _shared(labels: Sequence[str]) -> str:
@@ -91,18 +95,25 @@ def baselines(runs: Sequence[Results]) -> list[Row]:
 
 
 def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], published: dict[str, float]) -> Row:
+    first = runs[0]
     values = {
         metric: np.array([method.values[metric] for method in methods]) * note.scale
-        for metric, note in runs[0].metrics.items()
+        for metric, note in first.metrics.items()
     }
     trained = [run.training.seconds for run in runs if run.training.seconds is not None]
-    of_network = methods[0] is runs[0].methods[0] and trained
+    of_network = methods[0] is first.methods[0] and trained
     return Row(
         label,
-        (tuple(runs[0].objects), runs[0].data.points, runs[0].data.truth, runs[0].data.sampling),
+        (
+            tuple(first.objects),
+            first.data.points,
+            first.data.truth,
+            first.data.sampling,
+            *{run.data.seed for run in runs},
+        ),
         values,
         published,
         methods[0].parameters,
         float(np.mean([method.seconds for method in methods])),
-        float(np.mean(trained)) / runs[0].recipe["train"]["epochs"] if of_network else None,
+        float(np.mean(trained)) / first.recipe["train"]["epochs"] if of_network else None,
     )

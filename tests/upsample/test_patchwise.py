@@ -98,18 +98,19 @@ def test_an_upsampler_that_interpolates_does_so_before_patches_are_cut():
 
 def test_touches_come_along_into_each_patch_and_are_there_where_they_are_near():
     network, given = Copies(), cloud()
-    felt = given[np.linalg.norm(given - given[0], axis=1).argsort()[:8]]
+    felt = given[np.linalg.norm(given - given[0], axis=1).argsort()[:3]]
     upsample_patches(network, given, 4, [felt, felt + 1000.0], patches())
     masks = torch.cat([mask for _, _, mask in network.seen])
     assert masks[:, 0].any()
     assert not masks[:, 0].all()
     assert not masks[:, 1].any()
-    # In the frame of its patch, a touch is of the size that it has beside the patch.
+    # Touched points are points of the cloud: in a patch that has them all they lie where its own do.
+    held = 0
     for points, touches, mask in network.seen:
         for patch, felt_there, there in zip(points, touches[:, 0], mask[:, 0], strict=True):
             assert bool(there) == (float(felt_there.mean(0).norm()) <= 1)
-            own = torch.cdist(patch, felt_there).min()
-            assert own < 1e-3 or not there or float(felt_there.mean(0).norm()) > 0.2
+            held += bool((torch.cdist(felt_there, patch).amin(1) < 1e-4).all())
+    assert held >= 1
 
 
 def test_what_is_not_finite_is_told():
