@@ -109,7 +109,7 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
             first.data.points,
             first.data.truth,
             first.data.sampling,
-            *{run.data.seed for run in runs},
+            *dict.fromkeys(run.data.seed for run in runs),
         ),
         values,
         published,
