@@ -373,3 +373,10 @@ def test_the_recipes_of_an_extended_study_are_where_it_is(write):
     write("name: inner\nrecipes: [one.yaml]", "some/study.yaml")
     (made,) = compose(write("extends: some/study.yaml\nname: outer"))
     assert made.data["name"] == "outer-one"
+
+
+@pytest.mark.parametrize(("text", "seed"), [("name: a", 0), ("name: a\nseed: 4", 4), ("name: a\ndata: {seed: 7}", 7)])
+def test_a_seed_that_is_varied_from_outside_leaves_the_data_alone(write, text, seed):
+    path = write(text)
+    assert [run.data["data"]["seed"] for run in compose(path, (), {"seed": [0, 1]})] == [seed, seed]
+    assert compose(path, ["data.seed=9"], {"seed": [1]})[0].data["data"]["seed"] == 9
