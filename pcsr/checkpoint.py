@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
 from pcsr import __version__
@@ -18,6 +17,7 @@ from pcsr.model import Network, build
 from pcsr.recipe import Recipe, from_resolved
 from pcsr.recipe.compose import PARTS
 from pcsr.registry import Entry, Registry
+from pcsr.weights.file import read_file
 
 OURS = "pcsr"
 """The distribution whose parts everybody has."""
@@ -28,7 +28,9 @@ PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version":
 ANEW = "They come from another version of its parts: train again, or install that version"
 
 
-def save_weights(path: Path, network: nn.Module, card: dict[str, Any], registry: Registry | None = None) -> None:
+def save_weights(
+    path: Path, network: nn.Module, card: dict[str, Any], registry: Registry | None = None, *, half: bool = False
+) -> None:
     """Write weights; the card (recipe, data fingerprint, metrics, version) becomes the file's header.
 
     Args:
@@ -36,12 +38,31 @@ def save_weights(path: Path, network: nn.Module, card: dict[str, Any], registry:
         network: whose weights.
         card: what to say of them. The hash of the weights is added as `sha256`.
         registry: where the recipe's parts are from; those that are not pcsr's own are then added as `parts`.
+        half: store them in half precision, in half the space. Loading gives single precision again; whole numbers stay.
+
+    Raises:
+        UserError: a weight is too large for half precision.
+        RunError: the file can't be written.
     """
     tensors = network.state_dict()
+    if half:
+        tensors = {name: _halved(name, tensor) for name, tensor in tensors.items()}
     card = {**card, "sha256": tensors_hash(tensors)}
     if registry is not None and "recipe" in card:
         card["parts"] = foreign_parts(card["recipe"], registry)
     save_tensors(path, tensors, {"pcsr": json.dumps(card)})
+
+
+def _halved(name: str, tensor: Tensor) -> Tensor:
+    if not tensor.is_floating_point():
+        return tensor
+    halved = tensor.half()
+    if tensor.isfinite().all() and not halved.isfinite().all():
+        raise UserError(
+            f"the weights '{name}' reach {tensor.abs().max():.4g}, and half precision ends at "
+            f"{torch.finfo(torch.half).max:.0f}: store them in single precision"
+        )
+    return halved
 
 
 def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
@@ -88,7 +109,7 @@ def read_card(path: Path) -> dict[str, Any]:
     Raises:
         UserError: it is no weights file of pcsr.
     """
-    return _read(path, tensors=False)[1]
+    return read_file(path, tensors=False)[1]
 
 
 def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:
@@ -98,7 +119,7 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
         UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
             don't fit the recipe. The message says what to do.
     """
-    tensors, card = _read(path)
+    tensors, card = read_file(path)
     recipe = card.get("recipe")
     if not isinstance(recipe, dict):
         raise UserError(
@@ -220,7 +241,7 @@ def save_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimiz
 
 def load_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Any]:
     """Restore what `save_training` wrote; returns its `about`."""
-    tensors, about = _read(path)
+    tensors, about = read_file(path)
     prefix = "model."
     fill(network, {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}, path)
     state: dict[int, dict[str, Tensor]] = {}
@@ -230,25 +251,3 @@ def load_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimiz
             state.setdefault(int(index), {})[key] = tensor
     optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
     return about
-
-
-def _read(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    if path.is_dir():
-        raise UserError(f"{path} is a folder, not a weights file: name the file in it")
-    if not path.is_file():
-        raise UserError(f"{path}: there is no such weights file")
-    try:
-        with safe_open(path, "pt") as file:
-            written = (file.metadata() or {}).get("pcsr")
-            if written is None:
-                raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
-            card = json.loads(written)
-            if not isinstance(card, dict):
-                raise ValueError(f"its card is a {type(card).__name__}, not a mapping")
-            return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
-    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
-    except (SafetensorError, OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(
-            f"{path} is not a weights file of pcsr ({said}): get it again, or delete it, and `pcsr run` trains it again"
-        ) from error

@@ -110,6 +110,8 @@ class Fusion(nn.Module, Part):
 
     hears_features: ClassVar[bool] = True
     """False where the fusion ignores touch features, so that no touch encoder is needed."""
+    anchors: ClassVar[bool] = False
+    """True where touched points are part of the dense cloud, in the place of what the network made around them."""
 
     def forward(self, points: Points, features: Features, touches: Touches) -> Features:
         """Fuse the touches into `features`, which keep their shape."""
@@ -144,7 +146,10 @@ class Upsampler(nn.Module, Part):
         return points
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
-        """Make the dense cloud. A part built for one rate refuses another with a `UserError`."""
+        """Make the dense cloud. A part built for one rate refuses another with a `UserError`.
+
+        It may give more than `rate` times as many points: in use the host keeps the farthest of them.
+        """
         raise NotImplementedError
 
     def stages(self, points: Points, features: Features, rate: int) -> list[Dense]:

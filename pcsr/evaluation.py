@@ -9,12 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import trimesh
 from jaxtyping import Float
 
 from pcsr.contracts import Shapes
 from pcsr.data.dataset import Split
+from pcsr.data.sample import felt_points, item_seed
 from pcsr.geometry.interpolation import midpoint
-from pcsr.metrics import METRICS
+from pcsr.geometry.sampling import poisson_points
+from pcsr.metrics import METRICS, Mesh
+from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
@@ -29,8 +33,11 @@ class Method:
 
     name: str
     parameters: int
-    upsample: Callable[[Cloud, Sequence[Cloud]], Cloud]
-    """Sparse cloud and touches, in one frame, to the dense cloud in that frame."""
+    upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
+    """Sparse cloud and touches, in one frame, to the dense cloud in that frame.
+
+    None: it is given neither, and samples the true surface (`floor`).
+    """
 
 
 @dataclass(frozen=True)
@@ -43,19 +50,40 @@ class Scores:
     values: dict[str, list[float]]
     """Metric by name, one value for each object."""
     dense: Float[np.ndarray, "k rn 3"]
+    touch: TouchEffect | None = None
+    """What touch does to the recipe's own network; None for baselines, and without touches."""
 
 
 def methods(recipe: Recipe, network: Network) -> list[Method]:
     """The recipe's network and the baselines that it wants beside it."""
     rate = recipe.data.rate
     passes = 2 if rate >= 16 else 1  # 16x as 4x twice, as the field does it and as is much better
-    baselines = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes)}
+    baselines = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes), "floor": None}
     ours = Method(
         recipe.name,
         network.parameter_count,
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
     return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.beside)]
+
+
+def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
+    """The true surface sampled once more: the error that is left to an upsampler which knows the surface.
+
+    Blue noise that is independent of the truth, since its random numbers are another stream of the object's seed. An
+    upsampler may come a little below it where it keeps points of a sparse cloud that is a part of the truth.
+
+    Args:
+        mesh: the true surface, in the frame in which the cloud is wanted.
+        count: how many points.
+        seed: of the data.
+        name: the object's.
+
+    Raises:
+        UserError: the surface has no area.
+    """
+    rng = np.random.default_rng([item_seed(seed, name), 1])
+    return poisson_points(trimesh.Trimesh(*mesh, process=False), count, rng)
 
 
 def evaluate(
@@ -69,40 +97,62 @@ def evaluate(
 ) -> list[Scores]:
     """Let every method upsample every object, then measure.
 
-    Clouds are compared in the frame in which the truth fills the unit sphere; `p2f` too.
+    Clouds are compared in the frame in which the truth fills the unit sphere; `p2f` too. Where there are touches, the
+    first method upsamples each object a second time without them, to tell what they do. That doubles its time here,
+    but not its `seconds`: it is timed apart.
 
     Args:
         recipe: says how many touches and which metrics.
-        registry: gives the meshes, if a metric needs them.
-        compared: what to compare.
+        registry: gives the meshes, if a metric or a method needs them.
+        compared: what to compare; the first is the recipe's own network.
         split: what to compare on.
         jobs: processes that measure; all cores by default.
         advance: called whenever one object was upsampled or measured, 2·k times for each method.
     """
-    count = recipe.data.touches
-    timed: list[tuple[np.ndarray, float]] = []
-    for method in compared:
-        clouds: list[Cloud] = []
-        seconds: list[float] = []
-        for cloud, felt in zip(split.points, split.touches, strict=True):
-            points, touches = cloud.numpy(), felt.numpy()
-            start = time.perf_counter()
-            clouds.append(method.upsample(points, list(touches[:count])))
-            seconds.append(time.perf_counter() - start)
+    meshes = _meshes(recipe, registry, compared, split)
+    made: list[_Timed] = []
+    plain = _Timed([], [])
+    for position, method in enumerate(compared):
+        made.append(_Timed([], []))
+        for i, mesh in enumerate(meshes):
+            points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
+            if method.upsample is not None:
+                made[-1].add(method.upsample, points, touches)
+                if position == 0 and touches:
+                    plain.add(method.upsample, points, [])
+            elif mesh is not None:
+                made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
             advance()
-        timed.append((np.stack(clouds), float(np.mean(seconds))))
     tasks = [
         _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
-        for dense, _ in timed
-        for cloud, truth, mesh in zip(dense, split.truth, _meshes(recipe, registry, split), strict=True)
+        for timed in made
+        for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
     measured = _measured(tasks, jobs or os.cpu_count() or 1, advance)
-    scores = []
-    for method, (dense, mean_seconds) in zip(compared, timed, strict=True):
+    touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
+    scores: list[Scores] = []
+    for method, timed in zip(compared, made, strict=True):
         rows = [next(measured) for _ in range(len(split))]
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
-        scores.append(Scores(method, mean_seconds, values, dense))
+        scores.append(Scores(method, timed.mean, values, np.stack(timed.clouds), None if scores else touch))
     return scores
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """One method's clouds, and how long each took."""
+
+    clouds: list[Cloud]
+    seconds: list[float]
+
+    def add(self, make: Callable[..., Cloud], *args: object) -> None:
+        start = time.perf_counter()
+        self.clouds.append(make(*args))
+        self.seconds.append(time.perf_counter() - start)
+
+    @property
+    def mean(self) -> float:
+        return float(np.mean(self.seconds))
 
 
 @dataclass(frozen=True)
@@ -110,19 +160,39 @@ class _Task:
     metrics: Sequence[str]
     dense: Cloud
     truth: Cloud
-    mesh: tuple[np.ndarray, np.ndarray] | None
+    mesh: Mesh | None
 
 
-def _meshes(recipe: Recipe, registry: Registry, split: Split) -> Iterator[tuple[np.ndarray, np.ndarray] | None]:
-    """Vertices and faces of each object in the truth's frame, only if a metric asks for them."""
+def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
+    """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
     needed = any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
-    shapes: Shapes | None = recipe.data.shapes.build(registry, "shapes") if needed else None
-    for i, name in enumerate(split.names):
-        if shapes is None:
-            yield None
-        else:
-            mesh = shapes.item(name).mesh
-            yield split.spheres[i].apply(mesh.vertices), np.asarray(mesh.faces)
+    if not needed and all(method.upsample for method in compared):
+        return [None] * len(split)
+    shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
+    meshes = (shapes.item(name).mesh for name in split.names)
+    return [
+        (sphere.apply(mesh.vertices), np.asarray(mesh.faces))
+        for sphere, mesh in zip(split.spheres, meshes, strict=True)
+    ]
+
+
+def _touch_effect(
+    recipe: Recipe, split: Split, compared: Sequence[Method], made: Sequence[_Timed], plain: _Timed
+) -> TouchEffect:
+    """What touch does to the first method."""
+    touches = [touch[: recipe.data.touches] for touch in split.touches]
+    felt = [felt_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)]
+    with_touches, *others = ([_tensor(cloud) for cloud in timed.clouds] for timed in made)
+    return touch_effect(
+        split.truth,
+        [touch.flatten(0, 1) for touch in touches],
+        [torch.from_numpy(mask) for mask in felt],
+        with_touches,
+        [_tensor(cloud) for cloud in plain.clouds],
+        dict(zip((method.name for method in compared[1:]), others, strict=True)),
+        compared[0].name,
+        plain.mean,
+    )
 
 
 def _measured(tasks: Sequence[_Task], jobs: int, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
@@ -141,6 +211,9 @@ def _measured(tasks: Sequence[_Task], jobs: int, advance: Callable[[], None]) ->
 
 
 def _measure(task: _Task) -> dict[str, float]:
-    prediction = torch.from_numpy(task.dense).float()[None]
-    truth = torch.from_numpy(task.truth).float()[None]
+    prediction, truth = _tensor(task.dense)[None], _tensor(task.truth)[None]
     return {name: METRICS[name](prediction, truth, task.mesh) for name in task.metrics}
+
+
+def _tensor(cloud: Cloud) -> Float[torch.Tensor, "n 3"]:
+    return torch.from_numpy(cloud).float()

@@ -1,4 +1,4 @@
-"""A network as an ONNX graph: to run it without pcsr and without torch."""
+"""A network as a file for others: weights, or an ONNX graph, which runs without pcsr and without torch."""
 
 import copy
 import json
@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pcsr import __version__
+from pcsr.checkpoint import save_weights
 from pcsr.contracts import Fusion
 from pcsr.errors import UserError
 from pcsr.files import write_whole
@@ -26,6 +27,23 @@ if TYPE_CHECKING:
 FRAME = "centred on the mean of the points, the farthest of them at distance 1; the same for the touches"
 TALKERS = ("torch.onnx", "onnxscript", "onnx_ir")
 """Loggers of the exporter, which tell its authors things."""
+
+
+def export_weights(model: "Model", path: str | Path, *, half: bool = False) -> None:
+    """Write the weights of a model with their card, to be shipped or put on a hub.
+
+    Args:
+        model: what `pcsr.load` gives.
+        path: the file; it is written whole or not at all.
+        half: in half precision, in half the space. `pcsr.load` makes single precision of it again.
+
+    Raises:
+        UserError: there is no network, the path is a folder, or a weight is too large for half precision.
+        RunError: the file can't be written.
+    """
+    path = Path(path)
+    network, recipe = _exportable(model, path, "weights.safetensors")
+    save_weights(path, network, {"recipe": recipe.resolved(), **model.card}, half=half)
 
 
 def export_onnx(
@@ -59,21 +77,18 @@ def export_onnx(
             cannot be exported; the message says why.
     """
     path = Path(path)
-    if model.network is None or model.recipe is None:
-        raise UserError(f"model '{model.name}' is no network, so there is nothing to export: name weights")
-    if path.is_dir():
-        raise UserError(f"{path} is a folder: name the file to write, such as {path / 'model.onnx'}")
-    trained = Networked.of(model.network, model.recipe)
+    network, recipe = _exportable(model, path, "model.onnx")
+    trained = Networked.of(network, recipe)
     points = trained.size if points is None else points
     touch_points = trained.touch_points if touch_points is None else touch_points
-    _check(model.name, model.network.fusion, trained.most_touches, points, touches, touch_points, batch)
+    _check(model.name, network.fusion, trained.most_touches, points, touches, touch_points, batch)
     example = [torch.zeros(batch or 2, points, 3)]
     if touches:
         example.append(torch.zeros(batch or 2, touches, touch_points, 3))
-    graph = _graph(model.name, _Fixed(model.network, model.recipe).eval(), tuple(example), fixed=batch is not None)
+    graph = _graph(model.name, _Fixed(network, recipe).eval(), tuple(example), fixed=batch is not None)
     about = {
         "pcsr.version": __version__,
-        "pcsr.recipe": json.dumps(model.recipe.resolved()),
+        "pcsr.recipe": json.dumps(recipe.resolved()),
         "pcsr.card": json.dumps(model.card),
         "pcsr.frame": FRAME,
     }
@@ -82,6 +97,15 @@ def export_onnx(
     size = "b" if batch is None else batch
     inputs = {"points": (size, points, 3)} | ({"touches": (size, touches, touch_points, 3)} if touches else {})
     return {**inputs, "dense": (size, trained.rate * points, 3)}
+
+
+def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Recipe]:
+    """The network of a model and its recipe, if they can be written to that path."""
+    if model.network is None or model.recipe is None:
+        raise UserError(f"model '{model.name}' is no network, so there is nothing to export: name weights")
+    if path.is_dir():
+        raise UserError(f"{path} is a folder: name the file to write, such as {path / example}")
+    return model.network, model.recipe
 
 
 def _check(

@@ -1,5 +1,6 @@
 """Writing files whole or not at all: into a neighbour first, then renamed over the target in one step."""
 
+import hashlib
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -35,6 +36,12 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     finally:
         with suppress(OSError):  # where nothing could be written there is nothing to remove
             part.unlink(missing_ok=True)
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_text(path: Path, text: str) -> None:

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
 from pcsr.errors import UserError
-from pcsr.geometry.farthest import farthest_points
+from pcsr.geometry.anchoring import even_subset
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
@@ -46,12 +46,10 @@ class Network(nn.Module):
             mask: (b a), False where a row holds fewer than `a` touches; all True by default.
 
         Returns:
-            (b rate·n 3), in the same frame.
+            (b rate·n 3), in the same frame. In training there may be more: touched points, and what was made of
+            them, are not thinned.
         """
-        count = rate * points.shape[1]
-        start = self.upsampler.prepare(points, rate)
-        cloud, features = self.refine(start, touches, mask)
-        return _thin(self.upsampler(cloud, features, count // start.shape[1]), count)
+        return self.stages(points, rate, touches, mask)[-1]
 
     def stages(
         self,
@@ -64,15 +62,21 @@ class Network(nn.Module):
         count = rate * points.shape[1]
         start = self.upsampler.prepare(points, rate)
         cloud, features = self.refine(start, touches, mask)
-        *coarse, dense = self.upsampler.stages(cloud, features, count // start.shape[1])
-        return [*coarse, _thin(dense, count)]
+        left = count // start.shape[1]
+        *coarse, dense = self.upsampler.stages(cloud, features, left)
+        if self.training:
+            dense = _some(dense, left * cloud.shape[1])
+        if touches is None or not self.fusion.anchors:
+            return [*coarse, dense if self.training else _thin(dense, count)]
+        mask = _all(touches) if mask is None else mask
+        return [*coarse, _joined(dense, touches, mask) if self.training else _thin(dense, count, touches, mask)]
 
     def refine(
         self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None
     ) -> tuple[Float[Tensor, "b joined 3"], Float[Tensor, "b joined c"]]:
         """What the upsampler is handed: the cloud, to which the touches may have been joined, and its features."""
         if touches is not None and mask is None:
-            mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device)
+            mask = _all(touches)
         cloud = points if touches is None or mask is None else self.fusion.join(points, touches, mask)
         features = self.encoder(cloud)
         if touches is not None and mask is not None and self.fusion.hears_features:
@@ -83,6 +87,11 @@ class Network(nn.Module):
     def parameter_count(self) -> int:
         """Number of weights."""
         return sum(p.numel() for p in self.parameters())
+
+
+def _all(touches: TouchPoints) -> TouchMask:
+    """No touch is missing."""
+    return torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device)
 
 
 def fuse(
@@ -118,11 +127,51 @@ def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures
     return features.view(*touches.shape[:2], *features.shape[1:])
 
 
-def _thin(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
-    """Keep the `count` farthest points. Some upsamplers give too many, and any does for a cloud with touches in it."""
-    if dense.shape[1] == count:
+def _some(dense: Dense, count: int) -> Float[Tensor, "b some 3"]:
+    """In training: as many as are wanted of an upsampler's surplus, any of them.
+
+    Which are the farthest from each other has no gradient, and takes longer than the network. But that each may be
+    missing must be felt, or the network is content where one of two that lie together would do.
+    """
+    if dense.shape[1] <= count:
         return dense
-    rows = [row[torch.from_numpy(farthest_points(row.detach().cpu().numpy(), count)).to(row.device)] for row in dense]
+    kept = torch.randperm(dense.shape[1], generator=torch.Generator().manual_seed(0))[:count]
+    return dense[:, kept.to(dense.device)]
+
+
+def _joined(dense: Dense, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b more 3"]:
+    """The dense cloud and all touched points; in the place of a missing touch some of the cloud's points again."""
+    m = touches.shape[2]
+    again = dense.detach()[:, torch.arange(m, device=dense.device) % dense.shape[1]]
+    felt = torch.where(mask[:, :, None, None], touches, again.unsqueeze(1))
+    return torch.cat([dense, felt.flatten(1, 2)], dim=1)
+
+
+def _thin(
+    dense: Dense, count: int, touches: TouchPoints | None = None, mask: TouchMask | None = None
+) -> Float[Tensor, "b kept 3"]:
+    """Keep the `count` farthest points, touched ones among them if there are any.
+
+    Some upsamplers give too many, and any does for a cloud with touches in it.
+
+    Raises:
+        UserError: the network is being exported.
+    """
+    if dense.shape[1] == count and mask is None:
+        return dense
+    if torch.compiler.is_exporting():
+        raise UserError(
+            "the network's points are thinned to those that are farthest apart, which no graph knows: export it "
+            "without touches, and with an upsampler that gives just as many as are wanted, such as 'shuffle'"
+        )
+    rows = []
+    for i, row in enumerate(dense):
+        felt = row[:0] if touches is None or mask is None else touches[i, mask[i]].flatten(0, 1)
+        both = torch.cat([felt, row])
+        if not len(felt) and len(row) == count:  # no touch: as it would be alone
+            rows.append(row)
+            continue
+        rows.append(both[torch.from_numpy(even_subset(both.detach().cpu().numpy(), count, len(felt))).to(row.device)])
     return torch.stack(rows)
 
 

@@ -4,7 +4,7 @@ import datetime
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ import pcsr
 from pcsr import report, weights
 from pcsr.checkpoint import load_weights, read_card, save_weights
 from pcsr.data.build import load_or_build
+from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
-from pcsr.data.shards import read_manifest
 from pcsr.data.workers import crew
 from pcsr.errors import UserError
 from pcsr.evaluation import Scores, evaluate, methods
@@ -28,6 +28,7 @@ from pcsr.metrics import METRICS
 from pcsr.model import Network
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
+from pcsr.recipe.pretrained import check_weights
 from pcsr.registry import Registry
 from pcsr.train import CHECKPOINT, HISTORY, train
 
@@ -46,8 +47,8 @@ class Place:
     nodes: int = 1
     jobs: int | None = None
     """Processes for data and metrics; all cores by default."""
-    data: Path | None = None
-    """A folder of data that is built already; the recipe must be on it, as `pcsr.data.plan.on_data` makes it."""
+    data: tuple[Path, ...] = ()
+    """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
 
 
 def run_folder(recipe: Recipe, place: Place) -> Path:
@@ -58,7 +59,8 @@ def run_folder(recipe: Recipe, place: Place) -> Path:
 def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
     """Do whatever of a recipe isn't done yet, and evaluate.
 
-    Training is skipped where finished weights of exactly this recipe are in the run folder or shipped.
+    Training is skipped where the recipe names weights, and where finished weights of exactly this recipe are in the
+    run folder or shipped.
 
     Returns:
         The results, which also stand in the run folder beside the report.
@@ -67,7 +69,7 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     fabric = _fabric(recipe, place)
     fingerprint, data = _data(recipe, registry, place)
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
-        network, source = _trained(recipe, registry, fingerprint, data, fabric, folder, progress)
+        network, source = _trained(recipe, registry, fingerprint, data, fabric, place, progress)
         if not fabric.is_global_zero:
             return {}
         test = data("test", progress)
@@ -90,18 +92,24 @@ def _trained(
     fingerprint: str,
     data: "Data",
     fabric: Fabric,
-    folder: Path,
+    place: Place,
     progress: Progress,
 ) -> tuple[Network, dict[str, Any]]:
     """The recipe's network with finished weights, and where they came from."""
+    named = check_weights(recipe, registry)
+    folder = run_folder(recipe, place)
+    if named is not None:
+        source = f"{named.path.stem} of recipe '{named.recipe.name}', sha256 {named.sha256[:12]}"
+        return _loaded(named.path, source, registry, progress)
+    # Under another name, or for another number of touches at evaluation, the same recipe may be trained already.
+    alike = sorted(place.runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
         (weights.shipped(recipe.name), "shipped weights"),
+        *((path, "another run of this recipe") for path in alike),
     ):
         if path.exists() and _is_of(read_card(path), recipe, fingerprint):
-            progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
-            network, _, card = load_weights(path, registry)
-            return network, {**card["training"], "source": source}
+            return _loaded(path, source, registry, progress)
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
         if fabric.is_global_zero:
@@ -123,7 +131,7 @@ def _trained(
     )
     training = _training(folder, fabric)
     if fabric.is_global_zero:
-        card = {
+        card: dict[str, Any] = {
             "name": recipe.name,
             "fingerprint": recipe.fingerprint,
             "data_fingerprint": fingerprint,
@@ -131,9 +139,19 @@ def _trained(
             "version": pcsr.__version__,
             "training": training,
         }
+        if place.data:
+            card["data"] = Built.read(place.data).card()
         save_weights(folder / WEIGHTS, network, card, registry)
         (folder / CHECKPOINT).unlink()
     return network, {**training, "source": "trained by this run"}
+
+
+def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
+    """A network with the weights of a file, and what its card says of their training."""
+    progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
+    network, _, card = load_weights(path, registry)
+    training = card.get("training")
+    return network, {**(training if isinstance(training, dict) else {}), "source": source}
 
 
 def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
@@ -161,9 +179,14 @@ Data = Callable[[str, Progress], Split]
 
 def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
     """The fingerprint of a recipe's data, and the way to it."""
-    built = place.data
-    if built is not None:
-        return read_manifest(built)["fingerprint"], lambda split, progress: Split.load(built, split)
+    if place.data:
+        built = Built.read(place.data)
+        return built.fingerprint, lambda split, progress: built.split(split)
+    if recipe.joined:
+        raise UserError(
+            f"recipe '{recipe.name}' is on {len(recipe.joined)} data sets that were joined: name their folders, each "
+            f"with --data, or remove `joined`"
+        )
     plan = Plan.of(recipe, registry)
 
     def load(split: str, progress: Progress) -> Split:
@@ -214,6 +237,7 @@ def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
             }
             for s in scores
         ],
+        "touch": None if scores[0].touch is None else asdict(scores[0].touch),
         "training": source,
         "hardware": {"cores": os.cpu_count(), "threads": torch.get_num_threads(), "torch": torch.__version__},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

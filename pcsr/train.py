@@ -8,19 +8,21 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 from lightning_fabric import Fabric
 from torch import nn
+from torch.utils.data import DataLoader, Dataset
 
 from pcsr.checkpoint import load_training, save_training
 from pcsr.contracts import Objective
-from pcsr.data.batches import Batches
+from pcsr.data.batches import Batch, Batches
 from pcsr.data.dataset import Split
 from pcsr.errors import RunError, UserError
 from pcsr.files import write_text
@@ -72,6 +74,7 @@ def train(
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
+    loaders: int = 2,
 ) -> Network:
     """Train a recipe's network, from the last checkpoint in `run` if there is one.
 
@@ -84,6 +87,7 @@ def train(
         fabric: launched; says where to compute, with how many processes, in which precision.
         shown: called after each step.
         checkpoint_every: seconds between checkpoints.
+        loaders: processes that make batches, for a GPU.
 
     Returns:
         The trained network in `eval` mode. The checkpoint stays in `run`.
@@ -99,7 +103,8 @@ def train(
             f"make it a multiple of {fabric.world_size}"
         )
     # Drawn anew, a cloud that was seen from one side or spaced out would no longer be one.
-    augment = [name for name in settings.augment if name != "redraw" or recipe.data.sampling == "random"]
+    anew = recipe.data.sampling in ("random", "mixed")
+    augment = [name for name in settings.augment if name != "redraw" or anew]
     watched = validation.spread(min(WATCHED, len(validation)))
     size = min(settings.batch, len(data))
     batches = Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
@@ -125,9 +130,9 @@ def train(
             save_training(checkpoint, model, optimizer, about)
 
     with _stoppable() as stop:
-        while step < steps:
+        for batch in _prepared(batches, step, steps, fabric, loaders):
             rate = learning_rate(recipe, step // batches.per_epoch)
-            losses = _step(wrapped, optimizer, fabric, batches, step, rate, recipe.network_rate)
+            losses = _step(wrapped, optimizer, fabric, batch, rate, recipe.network_rate)
             step += 1
             total = sum(losses.values())
             if not math.isfinite(total):
@@ -167,11 +172,36 @@ def train(
     return network.eval()
 
 
-def _step(
-    model: Any, optimizer: Any, fabric: Fabric, batches: Batches, step: int, rate: float, upsampling: int
-) -> dict[str, float]:
+def _prepared(batches: Batches, step: int, steps: int, fabric: Fabric, loaders: int) -> Iterable[Batch]:
+    """This process's share of each batch from `step` on, made ahead by `loaders` processes if there are any.
+
+    They have a thread each. A GPU is done with a batch before one process has made the next. Beside a CPU that trains
+    nothing is gained.
+    """
+    share = partial(batches.at, rank=fabric.global_rank, ranks=fabric.world_size)
+    if fabric.device.type == "cpu" or not loaders or step == steps:
+        return map(share, range(step, steps))
+    return DataLoader(
+        _Shares(share),
+        batch_size=None,
+        sampler=range(step, steps),
+        num_workers=loaders,
+        prefetch_factor=4,
+    )
+
+
+@dataclass(frozen=True)
+class _Shares(Dataset[Batch]):
+    """What a loader asks for an item."""
+
+    share: Callable[[int], Batch]
+
+    def __getitem__(self, step: int) -> Batch:
+        return self.share(step)
+
+
+def _step(model: Any, optimizer: Any, fabric: Fabric, batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
     """One step of all processes together; the losses are those of the whole batch."""
-    batch = batches.at(step, fabric.global_rank, fabric.world_size)
     for group in optimizer.param_groups:
         group["lr"] = rate * group["pace"]
     clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.truth, batch.touches, batch.mask))

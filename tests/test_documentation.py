@@ -19,6 +19,7 @@ from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
 from pcsr.recorded import write
 from pcsr.weights import DEFAULT, shipped
+from pcsr.weights.file import __file__ as weights_file
 
 TEXT = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
 CODE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
@@ -75,7 +76,8 @@ def test_the_metrics_are_all_there_and_described_as_they_describe_themselves():
 
 def test_what_messages_are_said_to_say_they_say():
     said = re.findall(r"^\| [^|`]+ \| (`.*) \|$", TEXT, re.MULTILINE)
-    source = re.sub(r"\"\s*f?\"", "", Path(checkpoint).read_text(encoding="utf-8"))
+    files = [Path(file).read_text(encoding="utf-8") for file in (checkpoint, weights_file)]
+    source = re.sub(r"\"\s*f?\"", "", "".join(files))
     fragments = [part for row in said for quoted in re.findall("`([^`]+)`", row) for part in quoted.split(" … ")]
     assert len(fragments) >= 9
     assert not [fragment for fragment in fragments if fragment not in source]

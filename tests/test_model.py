@@ -155,3 +155,125 @@ def test_a_seed_gives_its_weights_and_leaves_the_random_state_alone():
 def test_a_touch_encoder_that_nobody_hears_is_refused():
     with pytest.raises(UserError, match=r"'none' hears no touch features.*remove it"):
         network("model.fusion=none")
+
+
+# --- touched points in the place of what the network made around them
+
+FAN = ("model.upsampler={use: fan, hidden: 8}",)
+ANCHORED = ("model.fusion={use: anchored, hidden: 8}", *FAN)
+COUNT = RATE * N
+
+
+def anchored(*overrides: str) -> Network:
+    """One whose fusion and upsampler have learned something."""
+    net = network(*ANCHORED, *overrides)
+    with torch.no_grad(), torch.random.fork_rng():
+        torch.manual_seed(0)
+        for weight in (net.fusion.out.weight, net.upsampler.mlp[-1].weight):
+            weight.normal_(std=0.05)
+    return net
+
+
+def rows_of(cloud):
+    return {tuple(point) for point in cloud.tolist()}
+
+
+INSERTED = ("model.fusion=inserted", "model.touch_encoder=null", *FAN)
+
+
+@pytest.mark.parametrize(
+    "overrides", [ANCHORED, (ANCHORED[0],), (*FAN, "model.fusion=iterative"), (*NO_FUSION, *FAN), INSERTED]
+)
+@torch.no_grad()
+def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
+    points, touches = clouds
+    net = network(*overrides)
+    mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
+    for felt in (None, touches[:, :0], touches):
+        assert net(points, RATE, felt).shape == (4, COUNT, 3)
+        assert net.stages(points, RATE, felt)[-1].shape == (4, COUNT, 3)
+    if net.fusion.hears_features:  # a fusion that joins touches wants as many in each row
+        assert net(points, RATE, touches, mask).shape == (4, COUNT, 3)
+
+
+@torch.no_grad()
+def test_in_training_nothing_is_thinned_and_every_touched_point_is_there(clouds):
+    points, touches = clouds
+    net = anchored().train()
+    made = net(points, RATE)
+    assert made.shape[1] > COUNT
+    mask = torch.tensor([[True, False, True]] * 4)
+    dense = net(points, RATE, touches, mask)
+    assert dense.shape == (4, made.shape[1] + 36, 3)
+    for row, felt, there in zip(dense, touches, mask, strict=True):
+        own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
+        assert torch.equal(joined[there], felt[there])
+        assert rows_of(joined[~there].flatten(0, 1)) <= own, "a missing touch repeats points of the cloud"
+
+
+@torch.no_grad()
+def test_a_touched_region_consists_of_touched_points(clouds):
+    points, touches = clouds
+    net = anchored()
+    dense, alone = net(points, RATE, touches), net(points, RATE)
+    for row, felt, visual in zip(dense, touches.flatten(1, 2), alone, strict=True):
+        guessed = torch.stack([point for point in row if tuple(point.tolist()) not in rows_of(felt)])
+        assert len(guessed) < len(row), "no touched point is there"
+        around = torch.cdist(guessed, felt).min()
+        assert around > 2 * torch.cdist(visual, felt).min(), "without anchors some would be nearer"
+
+
+@torch.no_grad()
+def test_with_anchors_zero_touches_are_no_touches_bit_for_bit(clouds):
+    points, touches = clouds
+    for net in (anchored(), network(ANCHORED[0])):
+        alone = net(points, RATE)
+        assert torch.equal(net(points, RATE, touches[:, :0]), alone)
+        assert torch.equal(net(points, RATE, touches, torch.zeros(4, 3, dtype=torch.bool)), alone)
+        assert not torch.equal(net(points, RATE, touches), alone)
+
+
+@torch.no_grad()
+def test_with_anchors_rows_are_independent_and_missing_touches_leave_no_trace(clouds):
+    points, touches = clouds
+    mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
+    other = touches.clone()
+    other[~mask] = 0.5
+    for net in (anchored(), network(ANCHORED[0])):
+        mixed = net(points, RATE, touches, mask)
+        assert torch.equal(net(points, RATE, other, mask), mixed)
+        for row, (cloud, felt, there) in enumerate(zip(points, touches, mask, strict=True)):
+            alone = net(cloud[None], RATE, felt[there][None] if there.any() else None)[0]
+            torch.testing.assert_close(mixed[row], alone, atol=1e-5, rtol=0)
+
+
+@torch.no_grad()
+def test_with_anchors_the_order_of_points_and_touches_does_not_matter(clouds):
+    points, touches = clouds
+    random = torch.Generator().manual_seed(5)
+    n, a, m = (torch.randperm(count, generator=random) for count in (N, 3, 12))
+    net = anchored()
+    before, after = net(points, RATE, touches), net(points[:, n], RATE, touches[:, a][:, :, m])
+    apart = torch.cdist(before, after, compute_mode="donot_use_mm_for_euclid_dist")
+    for nearest in (apart.amin(1), apart.amin(2)):  # where two are equally far, rounding decides who stays
+        assert (nearest < 1e-4).float().mean() > 0.95
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_with_anchors_gradients_reach_every_weight(clouds, training):
+    points, touches = clouds
+    net = anchored().train(training)
+    mask = torch.tensor([[True, True, True], [False, False, False], [True, False, False], [True, True, False]])
+    (net(points, RATE, touches, mask) ** 2).sum().backward()
+    for name, weight in net.named_parameters():
+        assert weight.grad is not None, name
+        assert weight.grad.isfinite().all(), name
+    for part in (net.touch_encoder, net.encoder, net.fusion, net.backbone, net.upsampler):
+        assert any(weight.grad.abs().max() > 0 for weight in part.parameters())
+
+
+@torch.no_grad()
+def test_few_touched_points_never_leave_too_few_points(clouds):
+    """A touched point takes the place of all around it: of an upsampler without surplus none may be left over."""
+    points, touches = clouds
+    assert network(ANCHORED[0])(points, RATE, touches[:, :1, :2]).shape == (4, COUNT, 3)

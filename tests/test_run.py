@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from lightning_fabric import Fabric
+from rich.progress import Progress
 from safetensors.torch import load_file
 
 from pcsr import UserError
@@ -16,6 +17,7 @@ from pcsr.metrics import chamfer
 from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
+from pcsr.run import Place, _trained, run_folder
 from pcsr.train import train
 
 ROOT = Path(__file__).parents[1]
@@ -100,11 +102,15 @@ def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, spl
     assert torch.allclose(one, other, rtol=1e-5)
 
 
-def test_fusion_none_thins_its_output(registry, split):
+def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
     overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
     network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
     points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    assert network(points, 4, felt).shape == (2, 256, 3)
+    with torch.no_grad():
+        whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
+    assert whole.shape == (2, 4 * (64 + 60), 3), "in training all is judged that was made"
+    assert thinned.shape == (2, 256, 3)
+    assert torch.cdist(thinned, whole, compute_mode="donot_use_mm_for_euclid_dist").amin(2).max() < 1e-5
 
 
 def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
@@ -207,3 +213,74 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     assert (told["data"]["shapes"], told["data"]["points"], told["recipe"]["data"]["seed"]) == ("balls", 64, 5)
     assert not (tmp_path / "runs" / "data").exists()
     assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before
+
+
+class UntrainedError(Exception):
+    """Data was asked for: no finished weights were found."""
+
+
+@pytest.fixture
+def finished(recipe, registry, tmp_path):
+    """Asks for a recipe's network where an earlier run of `recipe` has left its weights."""
+
+    def leave(of, data="data", runs="runs"):
+        network = build(of, registry)
+        card = {
+            "recipe": of.resolved(),
+            "fingerprint": of.fingerprint,
+            "data_fingerprint": data,
+            "training": {"seconds": 7.0},
+        }
+        path = run_folder(of, Place(runs=tmp_path / runs)) / "weights.safetensors"
+        path.parent.mkdir(parents=True)
+        save_weights(path, network, card)
+        return network
+
+    def ask(of, data="data"):
+        def untrained(split, progress):
+            raise UntrainedError
+
+        with Progress(disable=True) as progress:
+            return _trained(of, registry, data, untrained, fabric(), Place(runs=tmp_path / "runs"), progress)
+
+    return leave, ask
+
+
+def test_the_same_training_is_not_done_again_under_another_name(recipe, finished):
+    leave, ask = finished
+    network = leave(recipe)
+    assert recipe.touch_range == (0, 2), "a number of its own: that of the evaluation is free"
+    data = recipe.data.model_copy(update={"touches": 1})
+    for other in (recipe.model_copy(update={"name": "renamed"}), recipe.model_copy(update={"name": "x", "data": data})):
+        found, source = ask(other)
+        assert torch.equal(weights(found), weights(network))
+        assert not found.training
+        assert source == {"seconds": 7.0, "source": "another run of this recipe"}
+    assert ask(recipe)[1]["source"] == "this run folder"
+
+
+def test_what_is_another_training_is_not_taken_for_this_one(recipe, finished):
+    leave, ask = finished
+    leave(recipe)
+    other = recipe.model_copy(update={"name": "renamed", "seed": recipe.seed + 1})
+    with pytest.raises(UntrainedError):
+        ask(other)
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}), data="other data")
+
+
+def test_a_folder_whose_name_merely_ends_alike_is_not_believed(recipe, finished, tmp_path):
+    leave, ask = finished
+    other = recipe.model_copy(update={"seed": recipe.seed + 1})
+    leave(other)
+    (folder,) = (tmp_path / "runs").iterdir()
+    folder.rename(folder.with_name(f"{recipe.name}-{recipe.fingerprint[:8]}"))
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}))
+
+
+def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, finished):
+    leave, ask = finished
+    leave(recipe, runs="elsewhere")
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}))

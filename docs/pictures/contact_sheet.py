@@ -1,21 +1,23 @@
-"""Draw two parts of each family, lit from above, as a PNG: how the picture of docs/shapes.md is made.
+"""Draw two objects of each family, lit from above, as a PNG: how the pictures of docs/shapes.md are made.
 
-python docs/pictures/contact_sheet.py docs/pictures/cad-parts.png
+python docs/pictures/contact_sheet.py docs/pictures/cad-parts.png   # or blobs.png: the file's name says which shapes
 """
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 from shading import View, save
 
-from pcsr_plugins.shapes.cad_parts import FAMILIES, CadParts
+from pcsr_plugins.shapes.blobs import Blobs
+from pcsr_plugins.shapes.cad_parts import CadParts
 
 
 def picture(mesh: trimesh.Trimesh, size: int) -> Float[np.ndarray, "size size"]:
-    """A part, from the front, right and above."""
+    """An object, from the front, right and above."""
     view = View((1.0, -1.4, 0.9), mesh.bounds.mean(0), 1.0, size)
     seen = mesh.vertices @ view.axes.T
     middle = (seen.min(0) + seen.max(0)) / 2
@@ -31,6 +33,6 @@ def sheet(meshes: Sequence[trimesh.Trimesh], columns: int, size: int) -> Float[n
 
 
 if __name__ == "__main__":
-    shapes = CadParts()
-    names = sorted(shapes.names("train")[: 2 * len(FAMILIES)])  # two of each family, side by side
+    shapes = {"cad-parts": CadParts, "blobs": Blobs}[Path(sys.argv[1]).stem]()
+    names = sorted(shapes.names("train")[: 2 * len(shapes.families)])  # two of each family, side by side
     save(sheet([shapes.item(name).mesh for name in names], columns=12, size=96), sys.argv[1])

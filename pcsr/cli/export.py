@@ -1,4 +1,4 @@
-"""`pcsr export`: a network as an ONNX graph."""
+"""`pcsr export`: a network as an ONNX graph, or its weights as a file to hand on."""
 
 from pathlib import Path
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from pcsr.cli.options import FILE
+from pcsr.errors import UserError
 
 
 class _Batch(click.IntRange):
@@ -18,7 +19,9 @@ class _Batch(click.IntRange):
 
 @click.command()
 @click.argument("model")
-@click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="The file to write, such as model.onnx.")
+@click.option(
+    "-o", "--out", type=FILE, required=True, metavar="OUT", help="The file to write: model.onnx, weights.safetensors."
+)
 @click.option("--touches", type=click.IntRange(0), default=0, show_default=True, help="Touches of each cloud.")
 @click.option("--points", type=click.IntRange(1), default=None, help="Points of a cloud.  [default: as in training]")
 @click.option(
@@ -32,6 +35,7 @@ class _Batch(click.IntRange):
     metavar="N",
     help="Clouds at once, or dynamic: any.",
 )
+@click.option("--half", is_flag=True, help="Weights in half precision, in half the space.")
 @click.option("--plugin", "plugins", multiple=True, type=FILE, metavar="FILE", help="Parts that the weights need.")
 def export(
     model: str,
@@ -40,16 +44,26 @@ def export(
     points: int | None,
     touch_points: int | None,
     batch: int | str,
+    half: bool,
     plugins: tuple[Path, ...],
 ) -> None:
-    """Write a network as ONNX.
+    """Write a network as ONNX, or its weights.
 
     MODEL is a name, a run folder or a weights file. The graph's inputs are the points and, if there are any, the
     touches, both in the unit sphere of the points; its output is the dense cloud. It needs the extra [onnx].
+
+    Where OUT ends in .safetensors, the weights and their card are written, to be shipped or put on a hub.
     """
-    from pcsr.export import export_onnx
+    from pcsr.export import export_onnx, export_weights
     from pcsr.library import load
 
+    if out.suffix == ".safetensors":
+        _refuse_sizes()
+        export_weights(load(model, plugins=plugins), out, half=half)
+        click.echo(f"{out}: weights{' in half precision' if half else ''}, {_size(out)}", err=True)
+        return
+    if half:
+        raise UserError(f"--half is for weights, and {out} is none: name a file OUT.safetensors, or leave --half out")
     loaded = load(model, plugins=plugins)
     shapes = export_onnx(
         loaded,
@@ -60,4 +74,17 @@ def export(
         batch=None if isinstance(batch, str) else batch,
     )
     ways = [f"{name} ({' '.join(map(str, shape))})" for name, shape in shapes.items()]
-    click.echo(f"{out}: {', '.join(ways[:-1])} to {ways[-1]}, {out.stat().st_size / 1e6:.1f} MB", err=True)
+    click.echo(f"{out}: {', '.join(ways[:-1])} to {ways[-1]}, {_size(out)}", err=True)
+
+
+def _refuse_sizes() -> None:
+    """Options of graphs mean nothing to weights."""
+    context = click.get_current_context()
+    for name in ("touches", "points", "touch_points", "batch"):
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = name.replace("_", "-")
+            raise UserError(f"--{option} is for ONNX graphs, and weights serve clouds of any size: leave it out")
+
+
+def _size(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.1f} MB"

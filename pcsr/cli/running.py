@@ -50,8 +50,9 @@ _OPTIONS = (
     click.option(
         "--data",
         type=FILE,
-        default=None,
-        help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own.",
+        multiple=True,
+        help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own. "
+        "May be repeated: the folders are joined.",
     ),
 )
 
@@ -81,20 +82,21 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     from rich.console import Console
 
     from pcsr import report
-    from pcsr.data.plan import on_data
-    from pcsr.data.shards import read_manifest
+    from pcsr.data.built import Built
+    from pcsr.recipe.pretrained import check_weights
     from pcsr.run import Place, run, run_folder
 
     console = Console()
     place = Place(**where)
-    if place.data is not None:
-        manifest = read_manifest(place.data)
-        recipes = [on_data(one, manifest, place.data, registry) for one in recipes]
-        console.print(
-            f"data: all but the number of touches is as {place.data} says, whatever the recipe's section data does",
-            markup=False,
-            soft_wrap=True,
-        )
+    if place.data:
+        built = Built.read(place.data)
+        recipes = [built.lay_under(one, registry) for one in recipes]
+        where_from = " and ".join(map(str, place.data))
+        said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
+        for line in (said, *built.missing()):
+            console.print(f"data: {line}", markup=False, soft_wrap=True)
+    for one in recipes:
+        check_weights(one, registry)  # of all of them, before the first runs
     folders: dict[Path, str] = {}
     for one in recipes:
         folder = run_folder(one, place)

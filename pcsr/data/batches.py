@@ -18,7 +18,12 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.recipe import Patches
 
 EVEN = 0.5
-"""Share of the redrawn clouds that are evenly spaced."""
+"""Share of the redrawn clouds that are evenly spaced, more or less:"""
+POOLS = (2, 4, 8, 16)
+"""farthest points of this many times as many random ones. Of all 16 times as many points of a truth is what most
+publications call even; of fewer is what scanners give, and takes a fraction of the time."""
+CROPPED = 0.25
+"""Share of the batches that are cropped, if any are."""
 TOUCHED = 0.5
 """Share of the patches whose middle is that of a touch, where there is one."""
 SCALE = (0.8, 1.2)
@@ -47,7 +52,8 @@ class Batches:
     touches: tuple[int, int]
     """Fewest and most touches; each batch draws its own number."""
     augment: Sequence[str]
-    """`redraw` draws the sparse cloud anew from the truth, at random or, with `even`, half of the time evenly."""
+    """`redraw` draws the sparse cloud anew from the truth, at random or, with `even`, half of the time evenly; `crop`
+    takes half of an object now and then, without touches, as a part of a scan, so that surfaces end somewhere."""
     seed: int
     patches: Patches | None = None
     """With them a row is one patch of an object, and its sparse cloud is always drawn from the truth."""
@@ -64,8 +70,11 @@ class Batches:
         chosen = order[place * self.size : (place + 1) * self.size]
         low, high = self.touches
         count = int(np.random.default_rng((self.seed, step, 1)).integers(low, high + 1))
+        crop = "crop" in self.augment and not self.patches
+        crop = crop and np.random.default_rng((self.seed, step, 3)).random() < CROPPED
+        count = 0 if crop else count  # a touch may lie on the half that is gone
         share = [i for i in range(len(chosen)) if i * ranks // len(chosen) == rank]
-        rows = [self._row(int(chosen[i]), count, np.random.default_rng((self.seed, step, 2, i))) for i in share]
+        rows = [self._row(int(chosen[i]), count, crop, np.random.default_rng((self.seed, step, 2, i))) for i in share]
         return Batch(*(torch.stack(tensors) for tensors in zip(*rows, strict=True)))
 
     def _redrawn(
@@ -73,7 +82,9 @@ class Batches:
     ) -> Int[np.ndarray, " count"]:
         """Another sparse cloud of the truth. Networks that saw random ones alone do harm to even ones."""
         if "even" in self.augment and rng.random() < EVEN:
-            return farthest_points(truth, count, start=int(rng.integers(len(truth))))
+            pool = rng.permutation(len(truth))[: int(rng.choice(POOLS)) * count]
+            even: Int[np.ndarray, " count"] = pool[farthest_points(truth[pool], count, int(rng.integers(len(pool))))]
+            return even
         return rng.choice(len(truth), count, replace=False)
 
     def _patch(self, patches: Patches, truth: Tensor, felt: Tensor, rng: np.random.Generator) -> Tensor:
@@ -84,16 +95,31 @@ class Batches:
         away: Tensor = (truth - middle).norm(dim=1)
         return truth[away.topk(patches.points * patches.rate, largest=False).indices]
 
-    def _row(self, item: int, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def _cropped(self, truth: Tensor, points: Tensor, drawn: bool, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        """Half of the truth's points and half of the cloud's: on one side, if the cloud was drawn from the truth."""
+        if not drawn:
+            half = [rng.permutation(len(cloud))[: len(cloud) // 2] for cloud in (truth, points)]
+            return truth[torch.from_numpy(half[0])], points[torch.from_numpy(half[1])]
+        middle = truth[int(rng.integers(len(truth)))]
+        away = [(cloud - middle).norm(dim=1) for cloud in (truth, points)]
+        near = [far.topk(len(far) // 2, largest=False).indices for far in away]
+        return truth[near[0]], points[near[1]]
+
+    def _row(
+        self, item: int, count: int, crop: bool, rng: np.random.Generator
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
         points = self.split.points[item]
         felt = self.split.touches[item]
+        drawn = _is_part(points, truth)
         if self.patches:
             felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
             truth = self._patch(self.patches, truth, felt, rng)
             points = truth[torch.from_numpy(self._redrawn(truth.numpy(), self.patches.points, rng))]
         else:
-            if "redraw" in self.augment:
+            if crop:
+                truth, points = self._cropped(truth, points, drawn, rng)
+            if "redraw" in self.augment and drawn:
                 points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
             felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
         sphere = UnitSphere.fit(points.numpy())
@@ -110,6 +136,11 @@ class Batches:
             noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
             points = points + torch.from_numpy(noise.astype(np.float32))
         return points, felt, mask, truth
+
+
+def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:
+    """Whether a cloud was drawn from the truth. What a camera saw was not, and drawn anew it would be another's."""
+    return bool((truth == points[0]).all(1).any())
 
 
 def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:

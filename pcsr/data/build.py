@@ -13,9 +13,10 @@ import numpy as np
 import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.plan import FORMAT, Plan
-from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, sha256, shard_path, write_manifest, write_shard
+from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, shard_path, write_manifest, write_shard
 from pcsr.data.workers import Crew, results
 from pcsr.errors import UserError
+from pcsr.files import sha256
 
 
 def load_or_build(

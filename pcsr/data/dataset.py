@@ -59,6 +59,41 @@ class Split:
         return float(np.mean([shares[touches - 1] for shares in self.felt])) if touches else 0.0
 
     @classmethod
+    def joined(cls, splits: Sequence["Split"]) -> "Split":
+        """Several as one, in their order, with as many touches as every object has.
+
+        Objects keep their names, of which two may then be the same; the fingerprint is left out.
+
+        Raises:
+            UserError: their clouds or touches are of different sizes.
+        """
+        if len(splits) == 1:
+            return splits[0]
+        count = min(len(touches) for split in splits for touches in split.touches)
+        for name in CLOUDS:
+            skipped = 1 if name == "touches" else 0  # their number may differ
+            sizes = {tuple(getattr(split, name)[0].shape[skipped:]) for split in splits}
+            if len(sizes) > 1 and (count or name != "touches"):
+                numbers = " and ".join(str(size[0]) for size in sorted(sizes))
+                raise UserError(f"data cannot be joined: {name} of {numbers} points; build all of it alike")
+
+        def all_of(name: str) -> list[Any]:
+            return [one for split in splits for one in getattr(split, name)]
+
+        rejected = [split.about["rejected"].items() for split in splits]
+        return cls(
+            names=all_of("names"),
+            groups=all_of("groups"),
+            truth=all_of("truth"),
+            points=all_of("points"),
+            # Without any touch all have no points either, so that they are of one size.
+            touches=[touches[:count] if count else touches[:0, :0] for touches in all_of("touches")],
+            spheres=all_of("spheres"),
+            felt=[shares[:count] for shares in all_of("felt")],
+            about={"rejected": {f"{n}: {name}": why for n, some in enumerate(rejected, 1) for name, why in some}},
+        )
+
+    @classmethod
     def load(cls, folder: Path, split: str) -> "Split":
         """Read a split from a folder that holds it whole.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pcsr.contracts import Shapes, TouchSource
 from pcsr.errors import UserError
-from pcsr.recipe import PartSpec, Recipe, from_resolved
+from pcsr.recipe import PartSpec, Recipe
 from pcsr.registry import Registry
 
 FORMAT = 1
@@ -58,7 +58,7 @@ class Plan:
             "format": FORMAT,
             "seed": recipe.data_seed,
             "data": {key: data[key] for key in ("points", "rate", "truth", "sampling")},
-            "view": data["view"] if recipe.data.sampling == "view" else None,
+            "view": data["view"] if recipe.data.sampling in ("view", "mixed") else None,
             "touches": recipe.most_touches,
             "touch": _decisive(recipe.data.touch, source),
             "shapes": [recipe.data.shapes.use, shapes.version],
@@ -84,20 +84,3 @@ class Plan:
 def _decisive(spec: PartSpec, part: TouchSource) -> dict[str, Any]:
     options = {key: value for key, value in spec.options.items() if key not in part.places}
     return {"use": spec.use, "version": part.version, "options": options}
-
-
-def on_data(recipe: Recipe, manifest: dict[str, Any], folder: Path, registry: Registry) -> Recipe:
-    """A recipe on data that is built already: all but the number of touches is as the data's manifest says.
-
-    Raises:
-        UserError: the recipe asks for more touches than the data has, or the data names parts that are not installed.
-    """
-    has = manifest["data"]["touches"]
-    if recipe.most_touches > has:
-        raise UserError(
-            f"{folder} has {has} touches of each object, and '{recipe.name}' asks for {recipe.most_touches}: "
-            f"build it with --set touches={recipe.most_touches}, or lower data.touches and train.touches"
-        )
-    plain = recipe.resolved()
-    plain["data"] = {**manifest["data"], "touches": recipe.data.touches}
-    return from_resolved(plain, registry, f"{recipe.name} on {folder}")

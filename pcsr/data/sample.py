@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from pcsr.contracts import Item, TouchSource
@@ -21,6 +21,9 @@ FAR = 0.25
 """A touch that lies so many radii off the surface is none of this object."""
 NEAR = 2.0
 """A truth point is felt if a touched point lies within this many of their usual distances."""
+
+KINDS = ("random", "poisson", "fps", "view")
+"""Of sparse clouds: what `mixed` draws from, object by object."""
 
 
 @dataclass(frozen=True)
@@ -92,23 +95,29 @@ def item_seed(seed: int, name: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
 
 
-def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]) -> tuple[float, ...]:
-    """The share of the truth's points that the first touch covers, the first two, and so on.
+def felt_points(
+    truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]
+) -> Bool[np.ndarray, "a g"]:
+    """For each touch, the points of the truth that it feels.
 
-    A point is covered if a touched point lies within twice the mean distance from a touched point to its nearest.
+    A point is felt if a touched point lies within twice the mean distance from a touched point to its nearest.
     Measured on the clouds themselves, so that it means the same for every touch source.
     """
-    felt = np.zeros(len(truth), bool)
-    shares = []
-    for touch in touches:
+    felt = np.zeros((len(touches), len(truth)), bool)
+    for row, touch in zip(felt, touches, strict=True):
         tree = KDTree(np.unique(touch, axis=0))  # where a touch had too few points they are repeated
         if tree.n > 1:
             reach = NEAR * _gap(tree)
             # Most of the truth is far from a touch: what a box tells need not be asked.
             around = ((truth >= tree.mins - reach) & (truth <= tree.maxes + reach)).all(1)
-            felt[around] |= np.isfinite(tree.query(truth[around], distance_upper_bound=reach)[0])
-        shares.append(float(felt.mean()))
-    return tuple(shares)
+            row[around] = np.isfinite(tree.query(truth[around], distance_upper_bound=reach)[0])
+    return felt
+
+
+def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]) -> tuple[float, ...]:
+    """The share of the truth's points that the first touch feels (`felt_points`), the first two, and so on."""
+    by_any = np.logical_or.accumulate(felt_points(truth, touches))
+    return tuple(by_any.mean(1).tolist())
 
 
 def _gap(tree: KDTree) -> float:
@@ -129,9 +138,10 @@ def _sparse(
     item: Item, truth: Float[np.ndarray, "g 3"], data: Data, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 3"]:
     """A subset of the truth, as in the paper, or what a camera sees."""
-    if data.sampling == "view":
+    sampling = str(rng.choice(KINDS)) if data.sampling == "mixed" else data.sampling
+    if sampling == "view":
         return seen_points(item.mesh, data.points, data.view, rng, item.name)
-    chosen: Float[np.ndarray, "n 3"] = truth[_subset(truth, data.points, data.sampling, rng)]
+    chosen: Float[np.ndarray, "n 3"] = truth[_subset(truth, data.points, sampling, rng)]
     return chosen
 
 

@@ -3,7 +3,6 @@
 A folder holds `train-00000.safetensors` and so on, and `manifest.json`, which says what is in them.
 """
 
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from torch import Tensor
 from pcsr.data.plan import FORMAT
 from pcsr.data.sample import Rejected, Sample
 from pcsr.errors import UserError
-from pcsr.files import save_tensors, write_text
+from pcsr.files import save_tensors, sha256, write_text
 
 SHARD = 64
 """Objects in a file: about 9 MB at the paper's size, and at most so much work is lost by a kill."""
@@ -94,12 +93,6 @@ def check_sums(folder: Path, manifest: dict[str, Any]) -> None:
             path = folder / shard["file"]
             if not path.is_file() or sha256(path) != shard["sha256"]:
                 raise UserError(f"{path} is missing or has changed since it was built: delete it and build again")
-
-
-def sha256(path: Path) -> str:
-    """Hash of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:

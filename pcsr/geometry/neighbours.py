@@ -17,9 +17,10 @@ def knn(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -
     """Indices of the k points nearest to each query, nearest first. A query among the points finds itself.
 
     On the CPU a k-d tree for each cloud: at 512 points it takes half the time of all distances, and its memory
-    grows with n alone. In many dimensions all distances, ROWS queries at a time. On the CPU they are expanded into
-    |a|² + |b|² − 2ab, in double precision, since single precision would lose the small ones to rounding; elsewhere,
-    and in an exported graph, they are the plain differences squared, which takes several times as long.
+    grows with n alone. Elsewhere all distances, ROWS queries at a time: in space the plain differences squared, in many
+    dimensions expanded into |a|² + |b|² − 2ab, in double precision, since single precision would lose the small ones
+    to rounding. An exported graph has the plain differences in any number of dimensions, which takes several times as
+    long.
 
     Raises:
         UserError: there are fewer than k points.
@@ -36,12 +37,20 @@ def knn(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -
             clouds = zip(query.double().numpy(), points.double().numpy(), strict=True)
             ranks = range(1, k + 1)
             return torch.stack([torch.from_numpy(cKDTree(cloud).query(asked, ranks)[1]) for asked, cloud in clouds])
-        nearest = _nearest_by_products if points.is_cpu else _nearest_of_all
+        nearest = _nearest_in_space if points.shape[-1] <= 3 else _nearest_by_products
         return torch.cat([nearest(part, points, k) for part in torch.split(query, ROWS, dim=1)], dim=1)
 
 
 def _nearest_of_all(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -> Int[Tensor, "b q k"]:
     distance = torch.cdist(query, points, compute_mode="donot_use_mm_for_euclid_dist")
+    return distance.topk(k, dim=-1, largest=False, sorted=True).indices
+
+
+def _nearest_in_space(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -> Int[Tensor, "b q k"]:
+    """An axis at a time: on a GPU that is an order of magnitude faster than `torch.cdist`."""
+    axes = zip(query.unbind(-1), points.unbind(-1), strict=True)
+    distance = sum((a.unsqueeze(2) - b.unsqueeze(1)).square_() for a, b in axes)
+    assert isinstance(distance, Tensor)
     return distance.topk(k, dim=-1, largest=False, sorted=True).indices
 
 

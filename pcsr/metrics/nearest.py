@@ -1,5 +1,7 @@
 """The nearest point of one cloud for each point of another: what most metrics are made of."""
 
+from importlib.util import find_spec
+
 import torch
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
@@ -28,6 +30,10 @@ def nearest(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> I
             for s, t in zip(source, target, strict=True)
         ]
         return torch.stack(rows)
+    if source.is_cuda and find_spec("triton"):
+        from pcsr.metrics.nearest_cuda import nearest_cuda
+
+        return nearest_cuda(source, target)
     chunks = [
         torch.cdist(part, target, compute_mode="donot_use_mm_for_euclid_dist").argmin(-1)
         for part in torch.split(source, CHUNK, dim=1)

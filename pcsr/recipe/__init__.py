@@ -6,6 +6,7 @@ from typing import Any
 
 from pcsr.recipe.check import check
 from pcsr.recipe.compose import compose, lay_over
+from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
@@ -46,7 +47,7 @@ def load(
     recipes, mistakes = [], []
     for source in compose(path, overrides, axes or {}):
         try:
-            recipes.append(check(source, registry))
+            recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
             mistakes += error.mistakes
     if mistakes:

@@ -26,6 +26,10 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         properties = definitions[str(section_name).capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
     schema["properties"] |= {
+        "weights": {
+            "anyOf": [{"type": "string"}, {"$ref": "#/$defs/Weights"}, {"type": "null"}],
+            "description": "evaluated instead of training: shipped weights by name, or a file relative to this one",
+        },
         "extends": {"type": "string", "description": "a recipe to start from, relative to this file"},
         "recipes": {
             "type": "array",

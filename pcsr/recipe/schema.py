@@ -58,8 +58,9 @@ class Data(Section):
     """Points of the truth for each of them."""
     truth: Literal["poisson", "fps"] = "poisson"
     """How the truth is drawn from the surface: blue noise, or farthest points."""
-    sampling: Literal["random", "poisson", "fps", "view"] = "random"
-    """How the sparse cloud is drawn from the truth; `view`: seen by a depth camera instead."""
+    sampling: Literal["random", "poisson", "fps", "view", "mixed"] = "random"
+    """How the sparse cloud is drawn from the truth; `view`: seen by a depth camera instead; `mixed`: each of these for
+    a quarter of the objects."""
     view: View = View()
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
     """None: the recipe's. With one of its own the data stays the same under other seeds of the training."""
@@ -76,7 +77,7 @@ class Model(Section):
 
 
 Count = Annotated[int, Field(ge=0, le=16)]
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even"]
+Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop"]
 
 
 class Train(Section):
@@ -106,7 +107,9 @@ class Evaluate(Section):
         "hd",
         "emd",
     )
-    beside: Annotated[tuple[Literal["midpoint"], ...], AS_TUPLE] = ("midpoint",)
+    beside: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE] = ("midpoint",)
+    """Baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface, sampled
+    once more and independently of the truth: the least error that any upsampler can expect. It needs the meshes."""
     objects: Annotated[int, Field(ge=1)] | None = None
     """The first so many of the test split; None: all."""
     examples: Annotated[int, Field(ge=0, le=16)] = 4
@@ -126,6 +129,15 @@ class Patches(Section):
     """In how many patches a point is, in the mean."""
 
 
+class Weights(Section):
+    """Weights that are evaluated instead of training."""
+
+    use: Annotated[str, Field(min_length=1)]
+    """The name of shipped ones, or a file."""
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """Of the file. It is filled in where a recipe is read; one that is written is held against the file."""
+
+
 class Recipe(Section):
     """Everything that decides a run."""
 
@@ -137,6 +149,10 @@ class Recipe(Section):
     patches: Patches | None = None
     """None: the whole cloud in one pass, as TAPSR does it."""
     train: Train
+    weights: Weights | None = None
+    """Evaluated instead of training; None: the network is trained. What `train` says is then how they were."""
+    joined: Annotated[tuple[str, ...], AS_TUPLE] = ()
+    """The fingerprints of the folders, where the data is that of several (`--data`)."""
     evaluate: Evaluate = Evaluate()
 
     @property
@@ -172,8 +188,13 @@ class Recipe(Section):
         """Hash of all that decides the weights: neither the name nor the evaluation does."""
         plain = self.resolved()
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
-        train = plain["train"] | {"touches": list(self.touch_range)}
-        decisive = {"seed": self.seed, "data": data, "model": plain["model"], "train": train}
+        decisive: dict[str, Any] = {"seed": self.seed, "data": data, "model": plain["model"]}
+        if self.weights:
+            decisive["weights"] = self.weights.sha256
+        else:
+            decisive["train"] = plain["train"] | {"touches": list(self.touch_range)}
+        if self.joined:
+            decisive["joined"] = plain["joined"]
         if self.patches:
             decisive["patches"] = plain["patches"] | {"cover": None}
         return _hash(decisive)

@@ -3,18 +3,22 @@
 import html
 import json
 import re
-from collections.abc import Sequence
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from PIL.Image import Image
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
+from pcsr.report.lettering import png
 from pcsr.report.page import shell, table
 from pcsr.report.results import Results, parse_results
 from pcsr.report.rows import Row, baselines, variants
-from pcsr.report.scores import decimals_of, scaled
+from pcsr.report.scores import decimals_of, efficiency_cell, scaled
 
 VARIED = re.compile(r"-(touches|rate)\.(\d+)")
 """What the paper's tables have as columns."""
@@ -63,11 +67,18 @@ def compare(runs: Sequence[dict[str, Any]], name: str) -> list[Comparison]:
     return _tables([parse_results(run) for run in runs], name)
 
 
-def page(runs: Sequence[dict[str, Any]], name: str) -> str:
-    """The tables as one page that needs nothing but a browser."""
+def page(runs: Sequence[dict[str, Any]], name: str, drawn: Mapping[str, Image] | str = "") -> str:
+    """The tables as one page that needs nothing but a browser.
+
+    Args:
+        runs: what each run's `results.json` holds.
+        name: the study's.
+        drawn: figures by name, or why there are none.
+    """
     checked = [parse_results(run) for run in runs]
     tables = [*_tables(checked, name), *_differences(checked)]
-    body = f"<h1>{html.escape(name)}</h1>" + "".join(one.as_html() for one in tables) + _reports(checked)
+    body = f"<h1>{html.escape(name)}</h1>" + "".join(one.as_html() for one in tables)
+    body += _figures(drawn) + _reports(checked)
     return shell(name, body)
 
 
@@ -80,9 +91,10 @@ def _tables(runs: Sequence[Results], name: str) -> list[Comparison]:
 def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Comparison:
     notes = runs[0].metrics
     heads = ["", *(scaled(metric, note.scale) for metric, note in notes.items())]
-    heads += ["parameters", "s/cloud", "s/epoch"]
+    with_touch = any(run.touch for run in runs)
+    heads += [*([EFFICIENCY] if with_touch else []), "parameters", "s/cloud", "s/epoch"]
     seeds = sorted({run.seed for run in runs})
-    decimals = {metric: decimals_of(min(row.mean(metric) for row in rows)) for metric in notes}
+    decimals = {metric: decimals_of(min(row.mean(metric) for row in rows if not row.bound)) for metric in notes}
     cells = []
     for row in rows:
         line = [row.label]
@@ -93,6 +105,8 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
             if row is not rows[0] and (wins := row.wins(rows[0], metric)) is not None:
                 text += f"\n{wins}/{row.values[metric].shape[1]} wins"
             line.append(text + row.said(metric))
+        if with_touch:
+            line.append("" if row.efficiencies is None else efficiency_cell(row.efficiencies))
         epoch = "" if row.epoch is None else f"{row.epoch:.3g}"
         line += [f"{row.parameters:,}" if row.parameters else "", f"{row.seconds:.3g}" + row.said("s/cloud")]
         cells.append([*line, epoch + row.said("s/epoch")])
@@ -107,6 +121,8 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
     if any(row.published for row in rows):
         note += "Published: on other data. "
     note += "; ".join(f"{metric}: {of_metric.description}" for metric, of_metric in notes.items()) + "."
+    if with_touch:
+        note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     return Comparison(name, heads, cells, note)
 
 
@@ -131,10 +147,28 @@ def _flat(node: Any, prefix: str = "") -> dict[str, Any]:
     return flat
 
 
+def _figures(drawn: Mapping[str, Image] | str) -> str:
+    """Pictures inside of the page, in fewer colours than their files have, as the page would be large otherwise."""
+    if not drawn:
+        return ""
+    if isinstance(drawn, str):
+        return f'<section><h2>Figures</h2><p class="note">None: {html.escape(drawn)}</p></section>'
+    shown = "".join(
+        f'<p><img alt="{html.escape(name)}" style="max-width: 100%" src="data:image/png;base64,{encoded}"></p>'
+        for name, encoded in ((name, b64encode(png(image, colours=128)).decode()) for name, image in drawn.items())
+    )
+    return f"<section><h2>Figures</h2>{shown}</section>"
+
+
+def folder_of(run: Results) -> str:
+    """The name of its run folder."""
+    return f"{run.name}-{run.fingerprint[:8]}"
+
+
 def _reports(runs: Sequence[Results]) -> str:
     """Links to the reports of the runs, whose folders are beside the page, and where they were made."""
     links = "".join(
-        f'<li><a href="{html.escape(run.name)}-{run.fingerprint[:8]}/report.html">{html.escape(run.name)}</a>, '
+        f'<li><a href="{html.escape(folder_of(run))}/report.html">{html.escape(run.name)}</a>, '
         f"pcsr {html.escape(run.version)}, {html.escape(run.created)}, "
         f"{html.escape(', '.join(f'{key} {value}' for key, value in run.hardware.items()))}</li>"
         for run in runs
@@ -142,9 +176,8 @@ def _reports(runs: Sequence[Results]) -> str:
     return f"<section><h2>Reports</h2><ul>{links}</ul></section>"
 
 
-def _pivot(rows: Sequence[Row], runs: Sequence[Results]) -> Comparison | None:
-    """The first metric, with the number of touches or the rate as columns; None where neither varies."""
-    metric, note = next(iter(runs[0].metrics.items()))
+def varied(rows: Sequence[Row]) -> tuple[str, dict[str, dict[int, Row]]]:
+    """What the paper's tables have as columns, as it is called; and for each label its rows by that number."""
     places: dict[str, dict[int, Row]] = {}
     axis = ""
     for row in rows:
@@ -152,10 +185,17 @@ def _pivot(rows: Sequence[Row], runs: Sequence[Results]) -> Comparison | None:
             axis = found[1]
             label = VARIED.sub("", "-" + row.label, count=1).strip("-") or axis
             places.setdefault(label, {})[int(found[2])] = row
+    return axis, places
+
+
+def _pivot(rows: Sequence[Row], runs: Sequence[Results]) -> Comparison | None:
+    """The first metric, with the number of touches or the rate as columns; None where neither varies."""
+    metric, note = next(iter(runs[0].metrics.items()))
+    axis, places = varied(rows)
     columns = sorted({number for of_label in places.values() for number in of_label})
     if len(columns) < 2:
         return None
-    digits = decimals_of(min(row.mean(metric) for row in rows))
+    digits = decimals_of(min(row.mean(metric) for row in rows if not row.bound))
 
     def cell(row: Row | None) -> str:
         if row is None:

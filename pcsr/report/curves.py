@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.report.results import Results
+from pcsr.report.results import Results, TouchResult
 from pcsr.report.scores import group_means, scaled
 
 COLOURS = ["#2a78b8", "#e08a1e", "#2e9e6b", "#b5548f", "#8a6fd1", "#7a7a7a"]
@@ -40,6 +40,34 @@ def group_chart(results: Results, metric: str) -> dict[str, Any]:
         # Reversed, so that the first method is the upper bar of a pair as it is the first of the legend.
         "yaxis": {"type": "category", "autorange": "reversed"},
         "legend": {"traceorder": "normal"},
+    }
+    return {"data": traces, "layout": layout}
+
+
+def touch_chart(touch: TouchResult) -> dict[str, Any]:
+    """The error by distance to the nearest touched point, a line for each cloud; empty bins are left out."""
+    ends = [*(f"to {end:g}" for end in touch.edges[1:]), "beyond"]
+    filled = [k for k, count in enumerate(touch.counts) if count]
+    traces = []
+    for k, (name, errors) in enumerate(touch.errors.items()):
+        values = [errors[i] for i in filled]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": html.escape(name, quote=False),
+                "x": [ends[i] for i in filled],
+                "y": [None if value is None else float(f"{1000 * value:.6g}") for value in values],
+                "customdata": [touch.counts[i] for i in filled],
+                "hovertemplate": "%{x}: %{y}, %{customdata} points",
+                "line": {"color": COLOURS[k % len(COLOURS)], "width": 1.5},
+            }
+        )
+    layout = {
+        "height": 360,
+        "xaxis": {"type": "category", "title": {"text": "radii from the nearest touched point"}},
+        "yaxis": {"title": {"text": "mean squared distance ×10³"}, "rangemode": "tozero"},
+        "showlegend": True,
     }
     return {"data": traces, "layout": layout}
 

@@ -7,11 +7,13 @@ from importlib.resources import files
 from io import StringIO
 from typing import Any
 
+import numpy as np
 from ruamel.yaml import YAML
 
-from pcsr.report.curves import group_chart, training_charts
-from pcsr.report.results import Example, Results
-from pcsr.report.scores import group_means, scaled, scores
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
+from pcsr.report.curves import group_chart, touch_chart, training_charts
+from pcsr.report.results import Example, Results, TouchResult
+from pcsr.report.scores import efficiency_cell, group_means, scaled, scores
 from pcsr.report.views import COLOURS, views
 
 
@@ -28,6 +30,8 @@ def render(
     """
     metric = next(iter(results.metrics))
     charts = {"groups": group_chart(results, metric)} if len(set(results.groups)) > 1 else {}
+    if results.touch is not None:
+        charts["touch"] = touch_chart(results.touch)
     if history is not None:
         charts |= training_charts(history)
     body = "\n".join(
@@ -35,6 +39,7 @@ def render(
             f"<h1>{html.escape(results.name)}</h1>",
             f'<p class="lead">{_statement(results)}</p>',
             _metrics(results),
+            "" if results.touch is None else _touch(results.touch),
             _examples(examples, results),
             _groups(results, metric) if "groups" in charts else "",
             _training(results, history is not None, charts),
@@ -101,16 +106,41 @@ def _metrics(results: Results) -> str:
             wins = f"<small>{score.wins}/{count} wins</small>" if score.wins is not None else ""
             change = f"<br>{score.change:+.1%} " if score.change is not None else ""
             cells.append(mark + change + wins)
+        if results.touch is not None:
+            cells.append(efficiency_cell([results.touch.efficiency]) if method is results.methods[0] else "")
         rows.append([*cells, f"{method.parameters:,}", f"{method.seconds:.3g}"])
     terms = {name: note.description for name, note in results.metrics.items()}
+    if results.touch is not None:
+        terms[EFFICIENCY] = f"{DEFINITION}; higher is better"
     terms["seconds"] = "mean wall time for one cloud"
     if results.hardware:
         terms["seconds"] += f" ({', '.join(f'{key} {value}' for key, value in results.hardware.items())})"
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())
+    if results.touch is not None:
+        heads.append(EFFICIENCY)
     shown = table(["method", *map(html.escape, heads), "parameters", "seconds per cloud"], rows)
     return f'<section id="metrics"><h2>Metrics</h2>{shown}<dl>{meanings}</dl></section>'
+
+
+def _touch(touch: TouchResult) -> str:
+    """The numbers that the touch efficiency is made of, and the error by distance."""
+    means = {
+        "with touches": touch.touched,
+        "without": touch.plain,
+        "without, but with the felt region replaced by the truth": touch.replaced,
+    }
+    told = "; ".join(f"{name}: {1000 * np.mean(values):.4g}" for name, values in means.items())
+    text = (
+        f"Mean Chamfer distance ×10³ of the network {told}. A cloud without touches takes {touch.seconds:.3g} seconds. "
+        "The chart shows the mean squared distance from a point of the truth to the nearest point of the cloud, by how "
+        "far the point of the truth lies from the nearest touched point."
+    )
+    return (
+        f'<section id="touch"><h2>What touch does</h2><p class="note">{html.escape(text)}</p>'
+        '<div class="chart" data-chart="touch"></div></section>'
+    )
 
 
 def _groups(results: Results, metric: str) -> str:

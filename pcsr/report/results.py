@@ -13,8 +13,11 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError, model_valid
 from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
+from pcsr.metrics.touch_effect import efficiency
 
 Cloud = Float[np.ndarray, "_ 3"]
+BOUND = "floor"
+"""The baseline that cannot be reached: it is never the best, and does not decide how many digits are shown."""
 
 
 class Data(BaseModel):
@@ -53,6 +56,31 @@ class MethodResult(BaseModel):
     values: dict[str, list[FiniteFloat]]
 
 
+class TouchResult(BaseModel):
+    """What touch does to the recipe's own network; the fields of `TouchEffect`."""
+
+    touched: list[FiniteFloat]
+    plain: list[FiniteFloat]
+    replaced: list[FiniteFloat]
+    seconds: float
+    edges: list[FiniteFloat]
+    counts: list[int]
+    errors: dict[str, list[FiniteFloat | None]]
+
+    @property
+    def efficiency(self) -> float | None:
+        """Over all objects; None where the felt region holds no error."""
+        return efficiency(self.touched, self.plain, self.replaced)
+
+    @model_validator(mode="after")
+    def _one_number_each(self) -> "TouchResult":
+        sizes = {"counts": len(self.counts), **{name: len(row) for name, row in self.errors.items()}}
+        for key, found in sizes.items():
+            if found != len(self.edges):
+                raise ValueError(f"'{key}' has {found} values for {len(self.edges)} distances")
+        return self
+
+
 class Training(BaseModel):
     """Where the weights came from; what isn't known is absent."""
 
@@ -76,6 +104,8 @@ class Results(BaseModel):
     objects: list[str] = Field(min_length=1)
     groups: list[str]
     methods: list[MethodResult] = Field(min_length=1)
+    touch: TouchResult | None = None
+    """None where there are no touches, and in results of old."""
     training: Training = Training()
     hardware: dict[str, Any] = {}
     created: str
@@ -94,6 +124,10 @@ class Results(BaseModel):
                 found = len(method.values.get(metric, ()))
                 if found != len(self.objects):
                     raise ValueError(f"'{method.name}' has {found} values of {metric} for {len(self.objects)} objects")
+        if self.touch is not None:
+            for key in ("touched", "plain", "replaced"):
+                if (found := len(getattr(self.touch, key))) != len(self.objects):
+                    raise ValueError(f"touch.{key} has {found} values for {len(self.objects)} objects")
         return self
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.report.results import MethodResult, Results
+from pcsr.report.results import BOUND, MethodResult, Results
 
 SEED = re.compile(r"-seed\.\d+")
 
@@ -24,10 +24,14 @@ class Row:
     """Of each metric, times its scale: a line for each seed, a column for each object."""
     published: dict[str, float]
     parameters: int
+    efficiencies: tuple[float | None, ...] | None
+    """Touch efficiency of each seed, None for one without touch; None for a baseline."""
     seconds: float
     """For one cloud."""
     epoch: float | None
     """Seconds of training for each epoch, the mean over seeds; None for a baseline and for weights that don't say."""
+    bound: bool
+    """The floor, which decides no digits."""
 
     def mean(self, metric: str) -> float:
         """Over objects and seeds."""
@@ -101,7 +105,7 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
         for metric, note in first.metrics.items()
     }
     trained = [run.training.seconds for run in runs if run.training.seconds is not None]
-    of_network = methods[0] is first.methods[0] and trained
+    of_network = methods[0] is first.methods[0]
     return Row(
         label,
         (
@@ -114,6 +118,8 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
         values,
         published,
         methods[0].parameters,
+        tuple(run.touch.efficiency if run.touch else None for run in runs) if of_network else None,
         float(np.mean([method.seconds for method in methods])),
-        float(np.mean(trained)) / first.recipe["train"]["epochs"] if of_network else None,
+        float(np.mean(trained)) / first.recipe["train"]["epochs"] if of_network and trained else None,
+        methods[0].name == BOUND and not of_network,
     )

@@ -1,11 +1,12 @@
 """The numbers that the page and the screen both show."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pcsr.report.results import Results
+from pcsr.report.results import BOUND, Results
 
 
 @dataclass(frozen=True)
@@ -16,6 +17,7 @@ class Score:
     deviation: float
     """Sample standard deviation over the objects; 0 for a single one."""
     best: bool
+    """The lowest mean of the column, not counting the floor's."""
     wins: int | None
     """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
     change: float | None
@@ -33,14 +35,15 @@ def scores(results: Results) -> list[dict[str, Score]]:
     for metric, note in results.metrics.items():
         values = np.array([m.values[metric] for m in results.methods]) * note.scale
         means = values.mean(1)
+        rivals = means[[method.name != BOUND for method in results.methods]]
         deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
-        decimals = decimals_of(float(means.min()))
+        decimals = decimals_of(float(rivals.min()))
         for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
             compared = results.baseline not in (None, method.name)
             row[metric] = Score(
                 float(mean),
                 float(deviation),
-                len(means) > 1 and bool(mean == means.min()),
+                len(rivals) > 1 and method.name != BOUND and bool(mean == rivals.min()),
                 int((own < values[1]).sum()) if compared else None,
                 float(mean / means[1] - 1) if compared and means[1] > 0 else None,
                 decimals,
@@ -63,6 +66,13 @@ def scaled(metric: str, scale: float) -> str:
     if power == int(power):
         return f"{metric} ×10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
     return f"{metric} ×{scale:g}"
+
+
+def efficiency_cell(values: Sequence[float | None]) -> str:
+    """The touch efficiencies of one recipe's seeds: their mean ± sample standard deviation; a dash without touch."""
+    known = np.array([value for value in values if value is not None])
+    spread = f" ± {known.std(ddof=1):.3f}" if len(known) > 1 else ""
+    return f"{known.mean():z.3f}{spread}" if len(known) else "–"
 
 
 def decimals_of(smallest: float) -> int:

@@ -6,8 +6,9 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.results import Results, parse_results
-from pcsr.report.scores import scaled, scores
+from pcsr.report.scores import efficiency_cell, scaled, scores
 
 
 def table(results: dict[str, Any]) -> Table:
@@ -25,10 +26,14 @@ def table(results: dict[str, Any]) -> Table:
     if checked.baseline is not None:
         caption += " In per cent: how far the mean is from the baseline's; "
         caption += f"wins: objects on which it is better than {checked.baseline}."
+    if checked.touch is not None:
+        caption += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
     for metric, note in checked.metrics.items():
         shown.add_column(scaled(metric, note.scale), justify="right")
+    if checked.touch is not None:
+        shown.add_column(EFFICIENCY, justify="right", min_width=len("efficiency"))
     shown.add_column("parameters", justify="right")
     shown.add_column("s/cloud", justify="right")
     for method, row in zip(checked.methods, scores(checked), strict=True):
@@ -37,6 +42,8 @@ def table(results: dict[str, Any]) -> Table:
             cell = f"[bold]{score}[/bold]" if score.best else str(score)
             change = f"\n{score.change:+.1%}" if score.change is not None else ""
             cells.append(cell if score.wins is None else f"{cell}{change}\n{score.wins}/{count} wins")
+        if checked.touch is not None:
+            cells.append(efficiency_cell([checked.touch.efficiency]) if method is checked.methods[0] else "")
         shown.add_row(escape(method.name), *cells, f"{method.parameters:,}", f"{method.seconds:.3g}")
     return shown
 

@@ -1,5 +1,6 @@
 """The 3-D views of an example, as plotly traces: what came in, what was felt, what came out, what is true."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,7 @@ def views(example: Example) -> dict[str, Any]:
         views: titles, and the plotly traces under them.
     """
     errors = {name: distance(cloud, example.truth) * ERROR_SCALE for name, cloud in example.predictions.items()}
-    # A single stray point would otherwise make all others look perfect.
-    limit = float(np.percentile(np.concatenate(list(errors.values())), 99)) or 1.0
+    limit = scale_end(list(errors.values()))
     shown = [view(f"input, {len(example.input)} points", plain(example.input, "input", 3.0))]
     if example.touches is not None:
         shown.append(
@@ -46,6 +46,11 @@ def views(example: Example) -> dict[str, Any]:
 def distance(prediction: Float[np.ndarray, "n 3"], truth: Cloud) -> Float[np.ndarray, " n"]:
     """Distance of each predicted point to the nearest truth point."""
     return np.asarray(cKDTree(truth.astype(np.float64)).query(prediction.astype(np.float64), workers=1)[0])
+
+
+def scale_end(errors: Sequence[Float[np.ndarray, " _"]]) -> float:
+    """The end of a colour scale: a single stray point would otherwise make all others look perfect."""
+    return float(np.percentile(np.concatenate(errors), 99)) or 1.0
 
 
 def view(title: str, *traces: dict[str, Any]) -> dict[str, Any]:

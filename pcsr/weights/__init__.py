@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from pcsr.errors import UserError, did_you_mean
+
 DEFAULT = "tapsr"
 """What is used where no model is named."""
 HERE = Path(__file__).parent
@@ -15,3 +17,22 @@ def shipped(recipe: str) -> Path:
 def names() -> list[str]:
     """Of all shipped weights."""
     return sorted(path.stem for path in HERE.glob("*.safetensors"))
+
+
+def found(use: str, folder: Path = Path()) -> Path:
+    """The weights file that a recipe means.
+
+    Args:
+        use: the name of shipped weights, or a file.
+        folder: that a file is relative to.
+
+    Raises:
+        UserError: there is neither.
+    """
+    if use in names():
+        return shipped(use)
+    path = folder / Path(use).expanduser()
+    if not path.exists():
+        hint = did_you_mean(use, names())
+        raise UserError(f"there are no weights '{use}', neither shipped ones nor a file {path}: {hint}")
+    return path

@@ -81,7 +81,11 @@ def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, t
         ("balls", "cuont=1", "--set cuont=1: shapes 'balls' takes no 'cuont': did you mean 'count'?"),
         ("balls", "points=4", "--set points=4: data.points: input should be greater than or equal to 16, got 4"),
         ("balls", "touch=tuoch", "there is no touch 'tuoch'"),
-        ("balls", "sampling=look", "data.sampling: input should be 'random', 'poisson', 'fps' or 'view', got 'look'"),
+        (
+            "balls",
+            "sampling=look",
+            "data.sampling: input should be 'random', 'poisson', 'fps', 'view' or 'mixed', got 'look'",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_and_makes_no_folder(data, tmp_path, shapes, setting, said):

@@ -30,14 +30,15 @@ def test_our_recipes_have_no_mistake(path, registry):
     assert len({recipe.name for recipe in recipes}) == len(recipes)
 
 
-def test_table_4_is_three_networks_with_zero_to_five_touches(registry):
+def test_table_4_is_the_papers_three_networks_and_others_each_with_zero_to_five_touches(registry):
     (path,) = [path for path in RECIPES if path.stem == "table4"]
-    rows = {(r.model.encoder.use, r.model.fusion.use, r.touch_range) for r in load(path, registry)}
-    assert rows == {
-        (encoder, fusion, (touches, touches))
-        for encoder, fusion in [("mlp", "none"), ("unet", "concat"), ("unet", "iterative")]
-        for touches in range(6)
-    }
+    runs = load(path, registry)
+    rows = {(r.model.encoder.use, r.model.fusion.use) for r in runs}
+    assert rows > {("mlp", "none"), ("unet", "concat"), ("unet", "iterative")}
+    told = {(r.model.encoder.use, r.model.fusion.use, r.data.touches, r.seed) for r in runs}
+    assert told == {(*row, touches, seed) for row in rows for touches in range(6) for seed in range(3)}
+    assert {(r.touch_range, r.data_seed) for r in runs} == {((0, 5), 0)}, "one network serves every number of touches"
+    assert len({r.fingerprint for r in runs}) == 3 * len(rows)
 
 
 def test_check_goes_through_all_files_and_prints_all_mistakes(tmp_path):

@@ -8,12 +8,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.data.batches import JITTER, SCALE, Batches, _rotation, in_patch
+from pcsr.data.batches import CROPPED, JITTER, POOLS, SCALE, Batches, _is_part, _rotation, in_patch
 from pcsr.data.dataset import Split
+from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.recipe import Patches
 
-ALL = ("redraw", "even", "rotate", "scale", "jitter")
+ALL = ("redraw", "even", "crop", "rotate", "scale", "jitter")
 
 
 def split(count: int = 7) -> Split:
@@ -78,7 +79,7 @@ def test_an_epoch_shows_each_object_at_most_once_and_epochs_differ_in_order():
 
 
 def test_each_batch_draws_its_own_number_of_touches():
-    made = batches(*ALL, touches=(1, 3))
+    made = batches("redraw", "rotate", touches=(1, 3))
     counts = [made.at(step).touches.shape[1] for step in range(30)]
     assert set(counts) == {1, 2, 3}
     assert batches(*ALL, touches=(0, 0)).at(0).touches.shape == (4, 0, 8, 3)
@@ -208,3 +209,133 @@ def test_many_patches_are_around_a_touch():
 
 def test_without_patches_every_touch_is_there():
     assert batches(touches=(2, 2)).at(0).mask.all()
+
+
+@given(seed=st.integers(0, 1000))
+def test_even_clouds_are_farthest_points_of_one_of_the_pools(seed):
+    """What is drawn from a pool spreads the less, the smaller the pool: both ends of it are met."""
+    truth = np.random.default_rng(seed).normal(size=(400, 3))
+    made = batches("redraw", "even")
+    rng = np.random.default_rng(seed)
+    index = made._redrawn(truth, 20, rng)
+    assert len(set(index.tolist())) == 20
+    again = np.random.default_rng(seed)
+    if again.random() < 0.5:
+        pool = again.permutation(400)[: int(again.choice(POOLS)) * 20]
+        start = int(again.integers(len(pool)))
+        assert index.tolist() == pool[farthest_points(truth[pool], 20, start=start)].tolist()
+    else:
+        assert index.tolist() == again.choice(400, 20, replace=False).tolist()
+
+
+def test_pools_of_all_sizes_are_drawn_from_and_never_more_than_there_is():
+    def least(index):
+        apart = np.linalg.norm(truth[index][:, None] - truth[index][None], axis=2)
+        return (apart + 9 * np.eye(len(index))).min()
+
+    truth = np.random.default_rng(0).normal(size=(60, 3))
+    made = batches("redraw", "even")
+    assert len(made._redrawn(truth, 59, np.random.default_rng(0))) == 59
+    truth = np.random.default_rng(0).normal(size=(400, 3))
+    gaps = [least(made._redrawn(truth, 20, np.random.default_rng(seed))) for seed in range(60)]
+    of_all = least(farthest_points(truth, 20))
+    assert sum(gap > 0.8 * of_all for gap in gaps) > 3
+    assert sum(0.3 * of_all < gap < 0.7 * of_all for gap in gaps) > 3
+
+
+# --- crops
+
+
+def ball(count: int = 5, *, seen: bool = False) -> Split:
+    """Balls, evenly sampled; a sparse cloud that was `seen` is no part of the truth."""
+    random = torch.Generator().manual_seed(2)
+    many = torch.nn.functional.normalize(torch.randn(count, 1000, 3, generator=random), dim=2)
+    truth = torch.stack([one[torch.from_numpy(farthest_points(one.numpy(), 200))] for one in many])
+    points = truth[:, :40] + 0.001 * seen  # the farthest are the first
+    return dataclasses.replace(split(count), truth=list(truth), points=list(points))
+
+
+def cropped_and_whole(made: Batches, steps: int = 40):
+    shown = [made.at(step) for step in range(steps)]
+    crops = [batch for batch in shown if batch.truth.shape[1] < 200]
+    return crops, [batch for batch in shown if batch.truth.shape[1] == 200]
+
+
+def test_a_share_of_the_batches_is_cropped_and_the_others_are_as_without():
+    made = Batches(ball(), 2, (0, 3), ("crop",), 0)
+    crops, whole = cropped_and_whole(made, 200)
+    assert len(crops) == pytest.approx(200 * CROPPED, abs=25)  # four standard deviations
+    assert all(batch.points.shape[1] == 20 and batch.truth.shape[1] == 100 for batch in crops)
+    assert all(batch.mask.all() for batch in whole)
+    plain = Batches(ball(), 2, (0, 3), (), 0)
+    for step in range(40):
+        batch = made.at(step)
+        if batch.truth.shape[1] == 200:
+            assert all(torch.equal(a, b) for a, b in zip(clouds(batch), clouds(plain.at(step)), strict=True))
+
+
+@pytest.mark.parametrize("augment", [("crop",), ("crop", "redraw"), ("crop", "redraw", "even")])
+def test_a_crop_is_one_side_of_the_object_and_its_cloud_is_drawn_from_it(augment):
+    crops, _ = cropped_and_whole(Batches(ball(), 2, (0, 0), augment, 0))
+    assert crops
+    for batch in crops:
+        for points, truth in zip(batch.points, batch.truth, strict=True):
+            # The nearest half of a ball is a cap: a plane parts it from the rest, and it is half as high as it is wide.
+            centred = (truth - truth.mean(0)).double()
+            height, *width = torch.linalg.svdvals(centred)[[2, 1, 0]]
+            assert height < 0.75 * min(width)
+            apart = torch.cdist(points, truth, compute_mode="donot_use_mm_for_euclid_dist")
+            assert len(points) - int((apart.amin(1) < 1e-5).sum()) <= (0 if "redraw" in augment else 3)
+            spread = torch.linalg.svdvals((points - points.mean(0)).double()) / len(points) ** 0.5
+            torch.testing.assert_close(spread, torch.linalg.svdvals(centred) / 10, rtol=0.5, atol=0)
+
+
+def test_a_cropped_batch_has_no_touches_and_the_others_have_theirs():
+    crops, whole = cropped_and_whole(Batches(ball(), 2, (3, 3), ("crop", "redraw"), 0))
+    assert {tuple(batch.touches.shape) for batch in crops} == {(2, 0, 8, 3)}
+    assert {tuple(batch.mask.shape) for batch in crops} == {(2, 0)}
+    assert {tuple(batch.touches.shape) for batch in whole} == {(2, 3, 8, 3)}
+
+
+def test_a_patch_is_a_part_already_and_never_cropped():
+    made, plain = (Batches(ball(), 2, (2, 2), augment, 0, PATCHES) for augment in (("crop",), ()))
+    for step in range(20):
+        assert all(torch.equal(a, b) for a, b in zip(clouds(made.at(step)), clouds(plain.at(step)), strict=True))
+
+
+def flatness(cloud):
+    """How thick a cloud is, as a share of its width: about 1 of a ball, and a half of half of one."""
+    thick = torch.linalg.svdvals((cloud - cloud.mean(0)).double())
+    return float(thick[2] / thick[0])
+
+
+@pytest.mark.parametrize("augment", [("crop",), ("crop", "redraw", "even")])
+def test_what_a_camera_saw_is_thinned_and_neither_cut_nor_drawn_anew(augment):
+    made = Batches(ball(seen=True), 2, (3, 3), augment, 0)
+    crops, whole = cropped_and_whole(made)
+    assert crops
+    assert all(batch.points.shape[1] == 20 and batch.truth.shape[1] == 100 for batch in crops)
+    assert all(flatness(truth) > 0.7 for batch in crops for truth in batch.truth)
+    assert np.mean([flatness(points) for batch in crops for points in batch.points]) > 0.6
+    # Whatever was drawn from the truth would lie on it; this lies beside it, as far as it did.
+    for batch in crops + whole:
+        apart = torch.cdist(batch.points, batch.truth, compute_mode="donot_use_mm_for_euclid_dist")
+        assert apart.min() > 5e-4
+
+
+def test_a_cloud_is_part_of_the_truth_it_was_drawn_from():
+    given, seen = ball(), ball(seen=True)
+    assert all(map(_is_part, given.points, given.truth))
+    assert not any(map(_is_part, seen.points, seen.truth))
+    assert not _is_part(given.points[0], given.truth[1])
+
+
+def test_redraw_never_redraws_what_a_camera_saw_though_it_does_others():
+    """Data sets of mixed sampling have both."""
+    given, seen = ball(), ball(seen=True)
+    mixed = dataclasses.replace(given, points=[*given.points[:2], *seen.points[2:]])
+    made = Batches(mixed, 5, (0, 0), ("redraw", "even"), 0)
+    order = np.random.default_rng((0, 0)).permutation(5)
+    for item, points in zip(order, made.at(0).points, strict=True):
+        as_built = UnitSphere.fit(mixed.points[item].numpy()).apply(mixed.points[item].numpy())
+        assert np.array_equal(points.numpy(), as_built) == (item >= 2)

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 
 from pcsr import Item, Shapes, UserError
-from pcsr.data.plan import Plan, on_data
+from pcsr.data.plan import Plan
 from pcsr.plugins import load_plugins
 from pcsr.recipe import for_data
 
@@ -84,13 +84,3 @@ def test_without_a_digest_of_its_own_an_object_is_its_mesh():
     other.size = 2.0
     assert one.digest("a") == one.digest("b") != other.digest("a")
     assert one.digest("bad") == "refused: bad: no"
-
-
-def test_a_recipe_on_built_data_takes_all_but_its_touches(recipe, registry, tmp_path):
-    built = recipe("count=3", "seed=7").resolved()["data"]
-    wanted = recipe("touches=1", "points=32")
-    on = on_data(wanted, {"data": built}, tmp_path, registry)
-    assert (on.data.points, on.data.touches, on.data_seed, on.seed) == (16, 1, 7, 0)
-    assert on.data.shapes.options["count"] == 3
-    with pytest.raises(UserError, match=r"has 2 touches of each object, and 'data' asks for 3: .*--set touches=3"):
-        on_data(recipe("touches=3"), {"data": built}, tmp_path, registry)

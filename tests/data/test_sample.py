@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from pcsr import Item, Touch, TouchSource, UserError
-from pcsr.data.sample import covered, item_seed, make_sample
+from pcsr.data.sample import KINDS, covered, felt_points, item_seed, make_sample
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=2.0).apply_translation([10.0, 0.0, 0.0])
 ITEM = Item("shelf/ball", "balls", BALL)
@@ -51,6 +51,28 @@ def test_what_is_asked_for_is_drawn(recipe):
     truths = {name: spacing(made(recipe, f"truth={name}").truth) for name in ("poisson", "fps")}
     assert truths["fps"].min() > 0.6 * truths["fps"].mean()
     assert not np.array_equal(truths["fps"], truths["poisson"])
+
+
+def test_mixed_is_each_of_the_kinds_for_about_a_quarter_of_the_objects(recipe):
+    def kind(one):
+        """Told from the outside: by whether it is part of the truth, and how even it is."""
+        if not {tuple(p) for p in one.points} <= {tuple(p) for p in one.truth}:
+            return "view"
+        even = spacing(one.points).min() / spacing(one.points).max()
+        return "random" if even < 0.25 else "even"
+
+    names = [f"ball {i}" for i in range(40)]
+    kinds = [kind(made(recipe, "sampling=mixed", touches=0, item=Item(name, "balls", BALL))) for name in names]
+    assert set(KINDS) == {"random", "poisson", "fps", "view"}
+    for name, share in [("random", 10), ("even", 20), ("view", 10)]:
+        assert kinds.count(name) == pytest.approx(share, abs=9), kinds  # three standard deviations
+    again = made(recipe, "sampling=mixed", touches=0, item=Item(names[0], "balls", BALL))
+    assert np.array_equal(again.points, made(recipe, "sampling=mixed", touches=0, item=Item(names[0], "", BALL)).points)
+
+
+def test_the_truth_of_an_object_is_the_same_however_its_cloud_is_drawn(recipe):
+    one, other = made(recipe, "sampling=mixed"), made(recipe, "sampling=random")
+    assert np.array_equal(one.truth, other.truth)
 
 
 def test_a_camera_sees_one_side(recipe):
@@ -146,3 +168,17 @@ def test_touches_of_nowhere_are_refused(recipe, wrong):
 
     with pytest.raises(UserError, match=r"shelf/ball: touch 0 lies .* another unit or frame"):
         made(recipe, source=Elsewhere())
+
+
+@given(seed=st.integers(0, 1000))
+def test_coverage_is_the_share_that_any_of_the_touches_felt(seed):
+    rng = np.random.default_rng(seed)
+    truth = rng.uniform(-1, 1, (40, 3))
+    touches = [rng.uniform(-0.5, 0.5, (6, 3)) for _ in range(3)]
+    felt = felt_points(truth, touches)
+    assert felt.shape == (3, 40)
+    assert covered(truth, touches) == tuple(felt[: k + 1].any(0).mean() for k in range(3))
+    for row, touch in zip(felt, touches, strict=True):
+        assert np.array_equal(felt_points(truth, [touch])[0], row), "a touch feels the same beside others"
+    assert felt_points(truth, []).shape == (0, 40)
+    assert covered(truth, []) == ()

@@ -30,6 +30,43 @@ def test_small_differences_survive_far_from_the_origin(device):
     assert nearest_squared(points, points).max() == 0
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
+@pytest.mark.parametrize("batch", [1, 3])
+@pytest.mark.parametrize(
+    ("s", "t"), [(1, 1), (5, 7), (32, 256), (33, 257), (31, 255), (1000, 3), (3, 1000), (700, 901)]
+)
+@pytest.mark.parametrize("kind", ["anywhere", "on a lattice, where distances are equal", "all in one place"])
+def test_the_kernel_agrees_with_looking_at_every_distance(batch, s, t, kind):
+    from pcsr.metrics.nearest_cuda import QUERIES, TARGETS, nearest_cuda
+
+    assert (QUERIES, TARGETS) == (32, 256), "the sizes above are beside these"
+    random = torch.Generator("cuda").manual_seed(s)
+    source, target = (torch.randn(batch, n, 3, device="cuda", generator=random) for n in (s, t))
+    if kind != "anywhere":
+        source, target = (cloud.round() * (kind != "all in one place") for cloud in (source, target))
+    squared = sum((source[:, :, None, axis] - target[:, None, :, axis]).square() for axis in range(3))
+    index = nearest_cuda(source, target)
+    assert index.dtype == torch.int64
+    if kind == "anywhere":  # the last digit of a distance may differ, and with it the winner of a near tie
+        met = squared.gather(2, index.unsqueeze(2)).squeeze(2)
+        torch.testing.assert_close(met, squared.amin(2), rtol=1e-6, atol=0)
+        assert (index == squared.argmin(2)).float().mean() > 0.999
+    else:  # of equally near ones the first, across blocks too
+        first = (squared == squared.amin(2, keepdim=True)).int().argmax(2)
+        assert torch.equal(index, first)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
+def test_the_kernel_takes_any_layout_and_precision():
+    from pcsr.metrics.nearest_cuda import nearest_cuda
+
+    source, target = torch.randn(2, 3, 40, device="cuda").mT, torch.randn(2, 90, 6, device="cuda")[..., ::2]
+    plain = nearest_cuda(source.contiguous(), target.contiguous())
+    assert torch.equal(nearest_cuda(source, target), plain)
+    assert torch.equal(nearest_cuda(source.double(), target.double()), plain)
+    assert torch.equal(nearest(source.clone().requires_grad_(), target), plain)
+
+
 def test_the_search_itself_has_no_gradient():
     source = torch.randn(1, 5, 3, requires_grad=True)
     assert not nearest(source, torch.randn(1, 5, 3)).requires_grad

@@ -41,7 +41,7 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
         "recipe.yaml:8:11: there is no fusion 'atention': did you mean 'attention'?",
         "recipe.yaml:11:12: backbone 'refine'.steps: input should be a valid integer, got [1]",
         "recipe.yaml:12:17: train.epochs: input should be greater than or equal to 1, got -3",
-        "recipe.yaml:12:39: train.augment.1: input should be 'rotate', 'scale', 'jitter', 'redraw' or 'even', got 'shear'",  # noqa: E501
+        "recipe.yaml:12:39: train.augment.1: input should be 'rotate', 'scale', 'jitter', 'redraw', 'even' or 'crop', got 'shear'",  # noqa: E501
         "recipe.yaml:14:17: evaluate.metrics.1: input should be 'cd', 'hd', 'hd-pugcn', 'emd' or 'p2f', got 'chamfer'",
     ]
 

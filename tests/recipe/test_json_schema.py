@@ -46,6 +46,8 @@ def test_sections_and_composition(registry):
         "model",
         "patches",
         "train",
+        "weights",
+        "joined",
         "evaluate",
         "extends",
         "matrix",

@@ -55,6 +55,8 @@ def test_defaults_are_filled_in(write, registry):
             "touches": None,
             "precision": "32-true",
         },
+        "weights": None,
+        "joined": [],
         "evaluate": {
             "metrics": ["cd", "hd", "emd"],
             "beside": ["midpoint"],

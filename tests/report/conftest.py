@@ -79,3 +79,22 @@ def run(tmp_path, results, clouds, history):
     save_file(clouds, tmp_path / "examples.safetensors", {"names": json.dumps(names)})
     (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in history), encoding="utf-8")
     return tmp_path
+
+
+@pytest.fixture
+def touch(results) -> dict[str, Any]:
+    """What touch does in the results, which hold it from now on: of what it could take it takes a third."""
+    results["touch"] = {
+        "touched": [5.0e-4] * OBJECTS,
+        "plain": [6.0e-4] * OBJECTS,
+        "replaced": [3.0e-4] * OBJECTS,
+        "seconds": 0.125,
+        "edges": [0.0, 0.1, 0.4],
+        "counts": [3, 0, 9],
+        "errors": {
+            "tapsr": [2e-4, None, 3e-4],
+            "tapsr without touch": [4e-4, None, 3e-4],
+            "a <b>&": [5e-4, None, 6e-4],
+        },
+    }
+    return results["touch"]

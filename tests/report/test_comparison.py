@@ -151,3 +151,30 @@ def test_names_are_whole_on_a_narrow_screen(results):
     console.print(made.on_screen())
     text = console.file.getvalue()
     assert all(cells[0] in text for cells in made.cells[:2])
+
+
+def test_touch_efficiencies_are_spread_over_seeds_and_a_network_without_touch_has_a_dash(results, touch):
+    runs = [run(results, f"study-a-seed.{seed}", seed=seed) for seed in range(2)]
+    runs[1]["touch"]["touched"] = [4.5e-4] * 6  # a half instead of a third
+    runs.append(run(results, "study-b", model=2))
+    runs[2] |= {"touch": None, "data": {**runs[2]["data"], "touches": 0}}
+    (made,) = compare(runs, "study")
+    assert (
+        line(made, "a")["touch efficiency"] == f"{np.mean([1 / 3, 1 / 2]):.3f} ± {np.std([1 / 3, 1 / 2], ddof=1):.3f}"
+    )
+    assert line(made, "b")["touch efficiency"] == "–"
+    assert line(made, "midpoint")["touch efficiency"] == ""
+    assert "(without - with)" in made.note
+    (alone,) = compare(runs[2:], "study")
+    assert "touch efficiency" not in alone.heads
+    assert "(without - with)" not in alone.note
+
+
+def test_the_floor_decides_no_digits(results):
+    runs = [run(results, "study-a", model=1), run(results, "study-b", model=2)]
+    before = line(compare(runs, "study")[0], "a")
+    for one in runs:
+        one["methods"].append({**one["methods"][1], "name": "floor", "values": {"cd": [1e-9] * 6, "hd": [1e-9] * 6}})
+    (made,) = compare(runs, "study")
+    assert line(made, "a") == before
+    assert line(made, "floor")["cd ×10³"].startswith("0.000 ± 0.000")

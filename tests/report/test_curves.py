@@ -3,7 +3,7 @@ import statistics
 import numpy as np
 import pytest
 
-from pcsr.report.curves import DOTS, group_chart, thin, training_charts
+from pcsr.report.curves import DOTS, group_chart, thin, touch_chart, training_charts
 from pcsr.report.results import parse_results
 
 
@@ -59,3 +59,13 @@ def test_long_curves_are_averaged_over_stretches():
     assert y[0] == statistics.mean(values[step] for step in range(1, 11))
     assert x[0] == 5.5
     assert statistics.mean(y) == pytest.approx(statistics.mean(values.values()))
+
+
+def test_the_error_by_distance_is_a_line_a_cloud_without_empty_bins(results, touch):
+    figure = touch_chart(parse_results(results).touch)
+    assert [trace["name"] for trace in figure["data"]] == ["tapsr", "tapsr without touch", "a &lt;b&gt;&amp;"]
+    for trace, errors in zip(figure["data"], touch["errors"].values(), strict=True):
+        assert trace["x"] == ["to 0.1", "beyond"]
+        assert trace["customdata"] == [3, 9]
+        assert trace["y"] == pytest.approx([1000 * errors[0], 1000 * errors[2]])
+    assert len({trace["line"]["color"] for trace in figure["data"]}) == 3

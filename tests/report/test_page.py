@@ -180,3 +180,18 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(run):
     with pytest.raises(RunError, match=r"report\.html could not be written"):
         report.write(run)
     assert not list(run.glob(".*"))
+
+
+def test_what_touch_does_has_a_section_where_it_was_measured(draw, results, touch):
+    page = draw()
+    (text,) = page.texts("section", id="touch")
+    assert "with touches: 0.5; without: 0.6; without, but with the felt region replaced by the truth: 0.3" in text
+    assert "0.125 seconds" in text
+    assert "0.333" in page.texts("td")
+    assert "touch efficiency" in page.texts("dt")
+    places = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
+    assert sorted(places) == sorted(drawn(page)["charts"]) == ["groups", "loss", "touch", "validation"]
+    del results["touch"]
+    page = draw()
+    assert page.texts("section", id="touch") == []
+    assert "touch efficiency" not in page.texts("th")

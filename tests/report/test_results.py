@@ -5,7 +5,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from pcsr.errors import UserError
-from pcsr.report.results import read_examples, read_history, read_results
+from pcsr.report.results import parse_results, read_examples, read_history, read_results
 
 
 def change(results, path, value):
@@ -105,3 +105,29 @@ def test_files_that_are_no_examples_are_named(tmp_path, clouds):
     save_file(clouds, file)  # without names
     with pytest.raises(UserError, match=r"e\.safetensors is no file of examples"):
         read_examples(file, [])
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        (["plain"], [0.1], "touch.plain has 1 values for 6 objects"),
+        (["counts"], [1, 2], "touch: Value error, 'counts' has 2 values for 3 distances"),
+        (["errors", "tapsr"], [0.1], "touch: Value error, 'tapsr' has 1 values for 3 distances"),
+        (["replaced"], [float("nan")] * 6, "touch.replaced.0"),
+    ],
+)
+def test_a_malformed_touch_effect_is_named(results, touch, path, value, named):
+    change(touch, path, value)
+    with pytest.raises(UserError) as error:
+        parse_results(results)
+    assert named in str(error.value)
+
+
+def test_the_touch_efficiency_is_the_ratio_of_means_and_old_results_have_none(results, touch):
+    assert parse_results(results).touch.efficiency == pytest.approx(1 / 3)
+    touch["touched"][0] = 6.0e-4
+    assert parse_results(results).touch.efficiency == pytest.approx(5 / 18)
+    touch["replaced"] = touch["plain"]
+    assert parse_results(results).touch.efficiency is None
+    del results["touch"]
+    assert parse_results(results).touch is None

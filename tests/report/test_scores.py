@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.report.results import parse_results
-from pcsr.report.scores import group_means, scaled, scores
+from pcsr.report.scores import efficiency_cell, group_means, scaled, scores
 
 
 def test_scores_are_what_the_statistics_module_says(results):
@@ -71,3 +71,33 @@ def test_the_change_is_the_mean_beside_the_baselines(results):
     row = scores(parse_results(results))[0]["cd"]
     ours, theirs = (sum(m["values"]["cd"]) for m in results["methods"][:2])
     assert row.change == pytest.approx(ours / theirs - 1)
+
+
+def test_the_floor_is_no_rival(results):
+    before = scores(parse_results(results))
+    results["methods"].append(
+        {**results["methods"][1], "name": "floor", "values": {"cd": [1e-9] * 6, "hd": [1e-9] * 6}}
+    )
+    *rivals, floor = scores(parse_results(results))
+    assert rivals == before
+    assert not any(score.best for score in floor.values())
+    assert str(floor["cd"]) == "0.000 ± 0.000"
+    assert floor["cd"].wins == 6
+    results["methods"] = [results["methods"][0], results["methods"][-1]]
+    assert not any(score.best for row in scores(parse_results(results)) for score in row.values())
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        ([0.25], "0.250"),
+        ([-1e-9], "0.000"),
+        ([-0.5], "-0.500"),
+        ([0.1, 0.3], "0.200 ± 0.141"),
+        ([0.1, None], "0.100"),
+        ([None], "–"),
+        ([], "–"),
+    ],
+)
+def test_an_efficiency_has_three_digits_and_is_a_dash_without_touch(values, shown):
+    assert efficiency_cell(values) == shown

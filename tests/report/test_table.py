@@ -44,3 +44,13 @@ def test_malformed_results_are_named(results):
     del results["methods"][0]["seconds"]
     with pytest.raises(UserError, match=r"the results: methods\.0\.seconds"):
         table(results)
+
+
+def test_the_touch_efficiency_is_the_networks_alone(results, touch):
+    shown = table(results)
+    columns = {str(column.header): list(column.cells) for column in shown.columns}
+    assert columns["touch efficiency"] == ["0.333", "", ""]
+    assert "(without - with)" in shown.caption
+    del results["touch"]
+    assert "touch" not in "".join(str(column.header) for column in table(results).columns)
+    assert "(without - with)" not in table(results).caption

@@ -37,7 +37,8 @@ class NoFusion(Fusion):
         counts = mask.sum(1)
         if (counts != counts[0]).any():
             raise UserError(
-                f"fusion 'none' joins the touches to the cloud, so one batch must hold the same number of touches "
+                f"fusion '{type(self).__module__.rpartition('.')[2]}' joins the touches to the cloud, so one batch "
+                f"must hold the same number of touches "
                 f"in each row, got {counts.tolist()}: group the rows by their number of touches"
             )
         return torch.cat([points, touches[mask].view(len(points), -1, 3)], dim=1)

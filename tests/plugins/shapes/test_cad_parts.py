@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from manifold3d import Manifold
 
 from pcsr import UserError
-from pcsr_plugins.shapes import cad_parts
-from pcsr_plugins.shapes.cad_parts import FAMILIES, FLATTEST, GRID, CadParts
+from pcsr_plugins.shapes.cad_parts import FAMILIES, CadParts
+from pcsr_plugins.shapes.surfaces import FLATTEST, GRID
 
 FINGERPRINTS = Path(__file__).with_name("fingerprints.json")
 """Numbers of the first part of each family. `python test_cad_parts.py` rewrites them."""
@@ -103,7 +102,7 @@ def test_what_a_worker_is_sent_is_small():
     ["train/teapot/0000", "tests/gear/0000", "gear", "train/gear/x", "train/gear/-1", "train/gear/0500", ""],
 )
 def test_an_unknown_part_is_named(name):
-    with pytest.raises(UserError, match=f"no part '{name}'"):
+    with pytest.raises(UserError, match=f"no object '{name}'"):
         CadParts().item(name)
 
 
@@ -124,43 +123,10 @@ def test_a_draw_that_falls_apart_is_drawn_again(monkeypatch):
     assert CadParts().item("train/gear/0000").mesh.volume == pytest.approx(27_000)
 
 
-def test_what_is_flat_open_or_in_two_is_not_sound():
-    box = trimesh.creation.box((30, 30, 30))
-    corner, other, third = box.faces[0]
-    middle = box.vertices[[corner, other]].mean(axis=0)  # on an edge, so that one of its three faces is flat
-    faces = [*box.faces[1:], (corner, other, 8), (other, third, 8), (third, corner, 8)]
-    flat = trimesh.Trimesh([*box.vertices, middle], faces, process=False)
-    assert flat.is_watertight
-    assert np.sum(flat.area_faces < 1e-12) == 1
-    assert cad_parts._sound(box)
-    assert not cad_parts._sound(flat)
-    assert not cad_parts._sound(trimesh.Trimesh(box.vertices, box.faces[1:], process=False))
-    assert not cad_parts._sound(trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False))
-    assert not cad_parts._sound(trimesh.util.concatenate([box, box.copy().apply_translation((99, 0, 0))]))
-
-
 def test_a_family_that_always_falls_apart_is_reported(monkeypatch):
     monkeypatch.setitem(FAMILIES, "gear", lambda draw: Manifold())
     with pytest.raises(UserError, match=r"train/gear/0000.*seed 0: take another seed"):
         CadParts().item("train/gear/0000")
-
-
-def test_crumbs_are_dropped():
-    cube = Manifold.cube((30.0, 30.0, 30.0))
-    mesh = cad_parts._mesh(cube + Manifold.cube((1.0, 1.0, 1.0)).translate((50, 0, 0)))
-    assert mesh is not None
-    assert mesh.volume == pytest.approx(27_000)
-
-
-def test_folds_are_removed_and_nothing_else():
-    box = trimesh.creation.box().faces
-    fold = np.array([[0, 1, 2], [1, 0, 2], [3, 3, 4], [5, 6, 5]])
-    rng = np.random.default_rng(0)
-    mixed = rng.permutation(np.concatenate([box, fold + 8]))
-    kept = cad_parts._without_folds(mixed)
-    canonical = {tuple(np.roll(face, -face.argmin())) for face in box}
-    assert {tuple(face) for face in kept} == canonical
-    assert len(kept) == len(box)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,27 @@
+"""`pcsr figures`: the pictures of finished runs, as PNG files."""
+
+from pathlib import Path
+
+import click
+
+from pcsr.cli.options import FILE
+
+
+@click.command()
+@click.argument("runs", nargs=-1, required=True, type=FILE)
+@click.option(
+    "-o", "--out", type=FILE, default=Path("figures"), show_default=True, help="The folder that the pictures go to."
+)
+def figures(runs: tuple[Path, ...], out: Path) -> None:
+    """Draw the pictures of runs as PNG files.
+
+    RUNS are run folders of the same clouds: their networks stand side by side, in the order given.
+
+    \b
+    pcsr figures runs/tapsr-1a2b3c4d
+    pcsr figures runs/without-5e6f7a8b runs/tapsr-1a2b3c4d -o figures/fig5
+    """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.report import write_figures
+
+    for path in write_figures(runs, out):
+        click.echo(str(path))

@@ -1,0 +1,137 @@
+"""Data that is built already, in one folder or in several, and a recipe on it."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pcsr.data.dataset import Split
+from pcsr.data.plan import SPLITS
+from pcsr.data.shards import read_manifest
+from pcsr.errors import UserError
+from pcsr.metrics import METRICS
+from pcsr.recipe import Recipe, from_resolved
+from pcsr.registry import Registry
+
+
+@dataclass(frozen=True)
+class Built:
+    """Folders that `pcsr data make` built, as one data set in their order."""
+
+    folders: tuple[Path, ...]
+    manifests: tuple[dict[str, Any], ...]
+
+    @classmethod
+    def read(cls, folders: Sequence[Path]) -> "Built":
+        """Look at what they hold.
+
+        Raises:
+            UserError: one is no such folder or is named twice, or their clouds differ in size.
+        """
+        for number, folder in enumerate(folders):
+            if folder.resolve() in [other.resolve() for other in folders[:number]]:
+                raise UserError(f"--data {folder} is given twice: its objects would count twice, so give it once")
+        built = cls(tuple(folders), tuple(map(read_manifest, folders)))
+        first, *others = zip(built.folders, built.manifests, strict=True)
+        for folder, manifest in others:
+            for key in ("points", "rate"):
+                one, other = first[1]["data"].get(key), manifest["data"].get(key)
+                if one != other:
+                    raise UserError(
+                        f"{first[0]} and {folder} cannot be joined: {key} is {one} in the first and {other} in the "
+                        f"second; build them alike, with --set {key}={one}"
+                    )
+        return built
+
+    @property
+    def fingerprint(self) -> str:
+        """That of the folder; of several a hash of theirs, in their order."""
+        if not self.joined:
+            return str(self.manifests[0]["fingerprint"])
+        return hashlib.sha256(json.dumps(self.joined).encode()).hexdigest()
+
+    @property
+    def joined(self) -> tuple[str, ...]:
+        """The fingerprints of several folders; nothing for a single one."""
+        return tuple(one["fingerprint"] for one in self.manifests) if len(self.manifests) > 1 else ()
+
+    def holders(self, split: str) -> list[int]:
+        """The numbers of the folders that have a split."""
+        return [number for number, manifest in enumerate(self.manifests) if split in manifest["splits"]]
+
+    def missing(self) -> list[str]:
+        """For each folder that lacks a split which another has, a line that says so."""
+        return [
+            f"{folder} has no split '{split}': {manifest.get('empty', {}).get(split, 'it is not built to its end')}"
+            for split in SPLITS
+            if self.holders(split)
+            for folder, manifest in zip(self.folders, self.manifests, strict=True)
+            if split not in manifest["splits"]
+        ]
+
+    def split(self, split: str) -> Split:
+        """A split of all folders that have it.
+
+        Raises:
+            UserError: none has it, a file is damaged, or the clouds differ in size.
+        """
+        holders = self.holders(split) or [0]  # which says what is wrong
+        whole = Split.joined([Split.load(self.folders[number], split) for number in holders])
+        return dataclasses.replace(whole, about={**whole.about, "fingerprint": self.fingerprint})
+
+    def card(self) -> list[dict[str, Any]]:
+        """What weights that were trained on it say of it: of each folder its name, and what its manifest says."""
+        return [
+            {
+                "folder": folder.resolve().name,
+                "fingerprint": manifest["fingerprint"],
+                "settings": manifest["data"],
+                "objects": {split: about.get("objects") for split, about in manifest["splits"].items()},
+            }
+            for folder, manifest in zip(self.folders, self.manifests, strict=True)
+        ]
+
+    def lay_under(self, recipe: Recipe, registry: Registry) -> Recipe:
+        """The recipe on this data: all but the number of touches is as the manifest says.
+
+        Of several folders the first with a split `test` says it; where they differ in sampling, it is mixed.
+
+        Raises:
+            UserError: the recipe asks for more touches than the data has, for meshes of several folders, or the data
+                names parts that are not installed.
+        """
+        self._check_touches(recipe)
+        testing = self.holders("test")
+        self._check_meshes(recipe, testing)
+        data = dict(self.manifests[testing[0] if testing else 0]["data"])
+        if len({manifest["data"].get("sampling") for manifest in self.manifests}) > 1:
+            data["sampling"] = "mixed"
+        plain = recipe.resolved()
+        plain["data"] = {**data, "touches": recipe.data.touches}
+        plain["joined"] = list(self.joined)
+        return from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}")
+
+    def _check_touches(self, recipe: Recipe) -> None:
+        wanted = recipe.data.touches if recipe.weights else recipe.most_touches  # nothing is trained with weights
+        for folder, manifest in zip(self.folders, self.manifests, strict=True):
+            has = manifest["data"]["touches"]
+            if wanted > has:
+                raise UserError(
+                    f"{folder} has {has} touches of each object, and '{recipe.name}' asks for {wanted}: "
+                    f"build it with --set touches={wanted}, or lower data.touches and train.touches"
+                )
+
+    def _check_meshes(self, recipe: Recipe, testing: Sequence[int]) -> None:
+        """Meshes are found by the names of objects, which those of one folder alone know."""
+        needs_mesh = {name for name, metric in METRICS.items() if metric.needs_mesh} | {"floor"}
+        wanting = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.beside) if name in needs_mesh]
+        several = {json.dumps(self.manifests[number]["data"].get("shapes"), sort_keys=True) for number in testing}
+        if wanting and len(several) > 1:
+            folders = " and ".join(str(self.folders[number]) for number in testing)
+            raise UserError(
+                f"'{wanting[0]}' needs the meshes, and the test objects of {folders} are of different shapes: "
+                f"evaluate on one of them, or leave it out of evaluate"
+            )

@@ -1,0 +1,54 @@
+"""A dense cloud of the right number of points, evenly spaced, with the points that were touched in their places."""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from pcsr.geometry.farthest import farthest_points
+
+SAMPLE = 16
+"""How far apart kept points will lie is estimated from one point in so many,"""
+ENOUGH = 64
+"""but from no fewer than so many of them: in a small part most points lie at its border."""
+CLEAR = 1.0
+"""What was made within so many of these distances of a touched point gives way to it."""
+
+
+def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) -> Int[np.ndarray, " count"]:
+    """Indices of the `count` points that are farthest from each other, touched points among them.
+
+    A touched point is known, others near it are guessed: they go first. What is then farthest from each other is
+    kept, of both kinds, so that a touch that is denser than the result does not make it denser there. If too few would
+    be left, the guessed ones that are farthest from any touched one stay.
+
+    Args:
+        points: more than are wanted, in any frame.
+        count: how many to keep.
+        touched: so many of the first points were touched.
+
+    Raises:
+        UserError: there are fewer than `count` points.
+    """
+    if not touched or not np.isfinite(points).all():  # a network that diverged: metrics say so
+        return farthest_points(points, count)
+    gap, tree = CLEAR * spacing(points, count), cKDTree(points[:touched])
+    clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=gap)[0]))
+    if touched + len(clear) < count:
+        clear = tree.query(points[touched:])[0].argsort(kind="stable")[touched - count :]
+    left = np.concatenate([np.arange(touched), touched + clear])
+    kept: Int[np.ndarray, " count"] = left[farthest_points(points[left], count)]
+    return kept
+
+
+def spacing(points: Float[np.ndarray, "n 3"], count: int) -> float:
+    """About how far apart the `count` farthest of the points of a surface are, in their unit.
+
+    From a part of both numbers: on a surface the distance falls with the root of the number. It does not depend on the
+    order of the points.
+    """
+    part = max(1, min(SAMPLE, count // ENOUGH))
+    drawn = np.random.default_rng(0).permutation(len(points))[: max(2, len(points) // part)]
+    few = points[np.lexsort(points.T[::-1])[drawn]]
+    chosen = few[farthest_points(few, max(2, count // part))] if len(few) >= count // part else few
+    near = cKDTree(chosen).query(chosen, k=[2])[0]
+    return float(np.median(near) / part**0.5)

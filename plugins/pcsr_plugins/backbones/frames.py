@@ -1,0 +1,34 @@
+"""Residual convolutions over neighbourhoods in their own frames. Our own.
+
+Only what is near is heard: a surface between its points is told by the few around them, and a part of a scan looks to
+such a network as the same part of a whole object does.
+"""
+
+from torch import nn
+
+from pcsr import Backbone, Trait, Widths
+from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.frame_conv import FrameConv
+from pcsr_plugins.layers.frames import Frames
+
+
+class FrameBackbone(Backbone):
+    """f ← f + MLP(FrameConv(Norm(f))), again and again, on one graph."""
+
+    traits = frozenset({Trait.POINT_ORDER_FREE})
+
+    def __init__(self, widths: Widths, *, layers: int = 4, neighbours: int = 16) -> None:
+        super().__init__()
+        self.channels = c = widths.visual
+        self.neighbours = neighbours
+        self.norms = nn.ModuleList(nn.LayerNorm(c) for _ in range(layers))
+        self.convolutions = nn.ModuleList(FrameConv(c, c) for _ in range(layers))
+        self.mlps = nn.ModuleList(nn.Sequential(nn.ReLU(), nn.Linear(c, c)) for _ in range(layers))
+
+    def forward(self, points: Points, features: Features) -> Features:
+        """Refine the features."""
+        frames = Frames.of(points, self.neighbours)
+        edges = frames.edges()
+        for norm, convolution, mlp in zip(self.norms, self.convolutions, self.mlps, strict=True):
+            features = features + mlp(convolution(norm(features), frames, edges))
+        return features

@@ -1,0 +1,45 @@
+"""Touch as geometry: touched points are points of the cloud, and part of the result. Our own.
+
+The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
+and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Joined here are a few points of
+each touch, spread over it, so that the cloud is not many times as dense there as around it; and the host puts all
+touched points in the place of what the network made around them (`anchors`).
+"""
+
+from typing import ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pcsr import Widths
+from pcsr.geometry.ordering import hilbert_order
+from pcsr.tensors import Points, TouchMask, TouchPoints
+from pcsr_plugins.fusions.none import NoFusion
+
+
+class Inserted(NoFusion):
+    """Without weights: what a touched point means follows from where it lies."""
+
+    anchors: ClassVar[bool] = True
+
+    def __init__(self, widths: Widths, *, points: int = 48) -> None:
+        """Choose how many points of a touch are inserted.
+
+        Args:
+            widths: of the features, from the host.
+            points: of each touch.
+        """
+        super().__init__(widths)
+        self.points = points
+
+    def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
+        """Put every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
+
+        Raises:
+            UserError: rows of the batch hold different numbers of touches, so that their clouds would differ in size.
+        """
+        some = min(self.points, touches.shape[2])
+        step = torch.arange(some, device=touches.device) * touches.shape[2] // max(some, 1)
+        index = hilbert_order(touches)[..., step].unsqueeze(-1)
+        return super().join(points, touches.gather(2, index.expand(-1, -1, -1, 3)), mask)

@@ -1,0 +1,35 @@
+"""An edge convolution that reads neighbourhoods in their own frames.
+
+As DGCNN's (Wang et al., "Dynamic Graph CNN for Learning on Point Clouds", ACM TOG 2019, Eq. 7), with lengths and
+angles in the place of coordinates, and the mean beside the maximum: a curvature is an average.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from pcsr.geometry.neighbours import gather
+from pcsr.tensors import Features
+from pcsr_plugins.layers.frames import SCALARS, Frames
+
+
+class FrameConv(nn.Module):
+    """Features of all edges of a point: e = ReLU(A·fᵢ + B·fⱼ + C·edgeᵢⱼ), then W·[max e, mean e]."""
+
+    def __init__(self, c_in: int, c_out: int) -> None:
+        super().__init__()
+        self.here = nn.Linear(c_in, c_out)
+        self.there = nn.Linear(c_in, c_out, bias=False)
+        self.edge = nn.Linear(SCALARS, c_out, bias=False)
+        self.out = nn.Linear(2 * c_out, c_out)
+
+    def forward(
+        self, features: Features, frames: Frames, edges: Float[Tensor, "b n k 8"]
+    ) -> Float[Tensor, "b n wide"]:
+        """Convolve."""
+        heard = F.relu(
+            self.here(features).unsqueeze(2) + gather(self.there(features), frames.near) + self.edge(edges)
+        )
+        convolved: Tensor = self.out(torch.cat([heard.amax(2), heard.mean(2)], dim=-1))
+        return convolved

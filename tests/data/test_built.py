@@ -1,0 +1,192 @@
+"""Data that is built already: one folder or several as one, and a recipe on it."""
+
+import hashlib
+import json
+
+import pytest
+import torch
+
+from pcsr import UserError
+from pcsr.data.build import build_split
+from pcsr.data.built import Built
+from pcsr.data.dataset import Split
+from pcsr.data.plan import Plan
+from pcsr.data.shards import MANIFEST, read_manifest, write_manifest
+from pcsr.data.workers import crew
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory, registry, world):
+    """Makes a folder of data and returns it, the same for the same settings."""
+    made = {}
+
+    def make(recipe, *splits):
+        plan = Plan.of(recipe, registry)
+        if (plan.fingerprint, splits) not in made:
+            made[plan.fingerprint, splits] = folder = tmp_path_factory.mktemp("data")
+            with crew(1) as workers:
+                for split in splits or plan.names:
+                    build_split(plan, split, folder, workers)
+        return made[plan.fingerprint, splits]
+
+    return make
+
+
+@pytest.fixture
+def two(recipe, folders):
+    """Three objects to train on, two to validate and two to test; then four, of a kind without held-out ones."""
+    return folders(recipe("count=3", "held_out=2")), folders(recipe("count=4", "seed=1", "bad=[1]", "touches=3"))
+
+
+def test_one_folder_is_what_it_is(two):
+    (folder, _), built = two, Built.read(two[:1])
+    assert built.fingerprint == read_manifest(folder)["fingerprint"]
+    assert (built.joined, built.missing()) == ((), [])
+    one, other = built.split("train"), Split.load(folder, "train")
+    assert (one.names, one.about) == (other.names, other.about)
+    assert all(torch.equal(a, b) for a, b in zip(one.touches, other.touches, strict=True))
+
+
+def test_a_joined_split_holds_every_object_of_its_folders_in_order(two):
+    whole, (first, second) = Built.read(two).split("train"), (Split.load(folder, "train") for folder in two)
+    assert whole.names == [*first.names, *second.names] == [f"train/{n:03d}" for n in (0, 1, 2, 0, 2, 3)]
+    assert whole.groups == [*first.groups, *second.groups]
+    for k, (split, row) in enumerate([*((first, i) for i in range(3)), *((second, i) for i in range(3))]):
+        assert torch.equal(whole.truth[k], split.truth[row])
+        assert torch.equal(whole.points[k], split.points[row])
+        assert torch.equal(whole.touches[k], split.touches[row][:2]), "as many as all have"
+        assert whole.spheres[k] is not None
+        assert list(whole.felt[k]) == list(split.felt[row][:2])
+    assert torch.stack(list(whole.touches)).shape == (6, 2, 20, 3)
+    assert whole.about["rejected"] == {"2: train/001": "train/001: a bad ball"}
+
+
+def test_the_fingerprint_is_a_hash_of_theirs_in_order(two):
+    prints = [read_manifest(folder)["fingerprint"] for folder in two]
+    built, swapped = Built.read(two), Built.read(two[::-1])
+    assert built.fingerprint == hashlib.sha256(json.dumps(prints).encode()).hexdigest()
+    assert built.fingerprint != swapped.fingerprint
+    assert built.joined == tuple(prints) == swapped.joined[::-1]
+    assert built.split("train").about["fingerprint"] == built.split("test").about["fingerprint"] == built.fingerprint
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_where_a_folder_lacks_a_split_the_others_serve(two, order):
+    built = Built.read(two[::order])
+    assert built.split("test").names == ["test/000", "test/001"]
+    said = built.missing()
+    assert [line.partition(":")[0] for line in said] == [
+        f"{two[1]} has no split '{split}'" for split in ("validation", "test")
+    ]
+    assert "have no object in the split 'test'" in said[1]
+
+
+def test_a_folder_that_is_not_built_to_its_end_is_told(two, recipe, folders):
+    stopped = folders(recipe("count=3", "held_out=2", "seed=9"), "train")
+    said = Built.read([two[0], stopped]).missing()
+    assert said[-1] == f"{stopped} has no split 'test': it is not built to its end"
+
+
+def test_a_split_that_none_has_is_the_error_of_one_folder(recipe, folders):
+    pair = [folders(recipe("count=2", f"seed={seed}")) for seed in (0, 1)]
+    for some in (pair, pair[:1]):
+        with pytest.raises(UserError, match=rf"{pair[0]} has no split 'test' \(it has: train\): shapes 'balls' have"):
+            Built.read(some).split("test")
+
+
+@pytest.mark.parametrize(("key", "here", "there"), [("points", 16, 32), ("rate", 4, 2)])
+def test_folders_of_other_sizes_are_refused(two, recipe, folders, key, here, there):
+    other = folders(recipe("count=2", f"{key}={there}"))
+    with pytest.raises(UserError, match=rf"{two[0]} and {other} cannot be joined: {key} is {here} .* and {there} .*"):
+        Built.read([two[0], other])
+
+
+def test_touches_of_other_sizes_are_refused_unless_there_are_none(two, recipe, folders):
+    other = folders(recipe("count=2", "touch.points=10"))
+    with pytest.raises(UserError, match=r"data cannot be joined: touches of 10 and 20 points"):
+        Built.read([two[0], other]).split("train")
+    without = folders(recipe("count=2", "touches=0"))
+    none = Built.read([two[0], without]).split("train")
+    assert torch.stack(list(none.touches)).numel() == 0
+    assert none.coverage(0) == 0
+
+
+def test_a_folder_given_twice_is_refused_however_it_is_written(two):
+    with pytest.raises(UserError, match="is given twice"):
+        Built.read([two[0], two[1], two[0] / ".." / two[0].name])
+
+
+def test_a_folder_of_something_else_is_refused(two, tmp_path):
+    with pytest.raises(UserError, match=f"{tmp_path} holds no {MANIFEST}"):
+        Built.read([two[0], tmp_path])
+
+
+def test_a_recipe_on_built_data_takes_all_but_its_touches(two, recipe, registry):
+    wanted = recipe("touches=1", "points=32", "seed=5")
+    on = Built.read(two[:1]).lay_under(wanted, registry)
+    assert (on.data.points, on.data.touches, on.data_seed, on.seed) == (16, 1, 0, 0)
+    assert (on.data.shapes.options["count"], on.joined) == (3, ())
+
+
+def test_a_recipe_on_several_tells_them_apart(two, recipe, registry):
+    ons = [Built.read(some).lay_under(recipe(), registry) for some in (two, two[::-1], two[:1])]
+    assert len({on.fingerprint for on in ons}) == 3
+    assert [len(on.joined) for on in ons] == [2, 2, 0]
+    assert [on.data.shapes.options["count"] for on in ons] == [3, 3, 3], "the first with a split `test` says it"
+    again = Built.read(two[:1]).lay_under(ons[0], registry)
+    assert again.fingerprint == ons[2].fingerprint
+
+
+def test_each_folder_needs_the_touches_that_are_asked_for(two, recipe, registry):
+    text = rf"{two[0]} has 2 touches of each object, and 'data' asks for 3: .*--set touches=3"
+    for some in (two, two[::-1]):
+        with pytest.raises(UserError, match=text):
+            Built.read(some).lay_under(recipe("touches=3"), registry)
+    assert Built.read(two).lay_under(recipe("touches=2"), registry).data.touches == 2
+
+
+def test_with_weights_only_the_touches_of_evaluation_are_needed(two, recipe, registry):
+    eager = recipe("touches=1")
+    eager = eager.model_copy(update={"train": eager.train.model_copy(update={"touches": (0, 5)})})
+    with pytest.raises(UserError, match="asks for 5"):
+        Built.read(two).lay_under(eager, registry)
+    weights = {"use": "tapsr", "sha256": "0" * 64}
+    plain = type(eager).model_validate(eager.model_dump() | {"weights": weights})
+    assert Built.read(two).lay_under(plain, registry).weights.use == "tapsr"
+
+
+def test_samplings_that_differ_are_mixed(two, recipe, registry, folders):
+    even = folders(recipe("count=2", "sampling=fps"))
+    assert Built.read(two).lay_under(recipe(), registry).data.sampling == "random"
+    assert Built.read([two[0], even]).lay_under(recipe(), registry).data.sampling == "mixed"
+
+
+@pytest.mark.parametrize("wish", [{"metrics": ("cd", "p2f")}, {"beside": ("floor",)}])
+def test_meshes_of_several_folders_are_refused(two, recipe, registry, folders, wish):
+    other = folders(recipe("count=1", "held_out=1"))
+    moved = folders(recipe("count=3", "held_out=2", "seed=3"))
+    wanted = recipe()
+    wanted = wanted.model_copy(update={"evaluate": wanted.evaluate.model_copy(update=wish)})
+    name = next(iter(wish.values()))[-1]
+    with pytest.raises(
+        UserError, match=rf"'{name}' needs the meshes, and the test objects of {two[0]} and {other} are"
+    ):
+        Built.read([two[0], other]).lay_under(wanted, registry)
+    Built.read(two).lay_under(wanted, registry)  # only one has a split `test`
+    Built.read([two[0], moved]).lay_under(wanted, registry)  # the same shapes, seen anew
+
+
+def test_the_card_lists_each_folder_without_where_it_lies(two):
+    first, second = Built.read(two).card()
+    assert first["folder"] == two[0].name
+    assert first["objects"] == {"train": 3, "validation": 2, "test": 2}
+    assert (second["objects"], second["settings"]["seed"]) == ({"train": 3}, 1)
+    assert [one["fingerprint"] for one in (first, second)] == list(Built.read(two).joined)
+    assert str(two[0].parent) not in json.dumps([first, second])
+
+
+def test_a_manifest_without_settings_is_no_crash(tmp_path, two):
+    manifest = read_manifest(two[0])
+    write_manifest(tmp_path, {**manifest, "data": {}})
+    with pytest.raises(UserError, match="points is 16 in the first and None in the second"):
+        Built.read([two[0], tmp_path])
