@@ -1,76 +1,178 @@
-"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the table of docs/upsample.md).
+"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of docs/upsample.md).
 
-python benchmarks/pugan.py pugan21.npz [WEIGHTS…]
+python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60]
 
 The file holds, for each shape, `input_512`, `input_2048` and `gt_8192` (independent Poisson-disk samples) and the mesh.
-Clouds are compared as the field does it: each fills the unit sphere by itself; p2f is in the mesh's unit. Weights files
-that are named are measured instead of the default ones, beside interpolation: by the field's protocol of patches
-where their recipe has `patches`, otherwise as any cloud is upsampled.
+Measured are the shipped weights, or the models that are named. Each is applied as in its own tables: to the whole cloud
+in one pass, or by patches where its recipe has `patches`; a network that cannot make a rate is not in that table.
 """
 
-import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import click
 import numpy as np
-import torch
+import trimesh
 from jaxtyping import Float
+from rich import box
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 import pcsr
+from pcsr import weights
+from pcsr.contracts import Item, Trait
+from pcsr.errors import PcsrError, UserError
 from pcsr.geometry.interpolation import midpoint
+from pcsr.model import Network
+from pcsr.plugins import load_plugins
+from pcsr.recipe import Recipe
 from pcsr.upsample import upsample_as
 
+INPUTS = {4: "input_2048", 16: "input_512"}
 METRICS = ("cd", "hd-pugcn", "p2f")
-Cloud = Float[np.ndarray, "n 3"]
+SHIFTED = "cd, truth's frame"
+"""A cloud that fills the unit sphere by itself does not show that it is shifted, or too large, and its outliers
+shift and shrink all of it."""
+SEED = 0
+Cloud = Float[np.ndarray, "_ 3"]
+Upsample = Callable[[Cloud, Sequence[Cloud]], Cloud]
 
 
-def methods(rate: int, files: Sequence[Path]) -> dict[str, Callable[[Cloud], Cloud]]:
-    """What is compared."""
-    whole = {"midpoint, whole": lambda points: midpoint(points, rate, passes=2 if rate == 16 else 1)}
-    if files:
-        return {**whole, **{model.name: by_protocol(model, rate) for model in map(pcsr.load, files)}}
-    network = pcsr.load()
-    fan = pcsr.load()
-    last = fan.network.upsampler.mlp[2]  # without its last layer the network is where it started from
-    torch.nn.init.zeros_(last.weight)
-    torch.nn.init.zeros_(last.bias)
-    return {
-        **whole,
-        "midpoint, patches": lambda points: pcsr.load("midpoint").upsample(points, rate=rate),
-        "fan, patches": lambda points: fan.upsample(points, rate=rate),
-        "tapsr, patches": lambda points: network.upsample(points, rate=rate),
-    }
+@dataclass(frozen=True)
+class Shape:
+    """All in the mesh's frame and unit."""
+
+    name: str
+    mesh: trimesh.Trimesh
+    sparse: dict[int, Cloud]
+    """The cloud to upsample, by the rate."""
+    truth: Cloud
+    touches: tuple[Cloud, ...] = ()
 
 
-def by_protocol(model: pcsr.Model, rate: int) -> Callable[[Cloud], Cloud]:
-    """How a model is applied in the field's tables."""
-    network, recipe = model.network, model.recipe
-    if network is None or recipe is None or recipe.patches is None:
-        return lambda points: model.upsample(points, rate=rate)
-    recipe = recipe.model_copy(update={"data": recipe.data.model_copy(update={"rate": rate})})
-    return lambda points: upsample_as(recipe, network, points)
-
-
-def main(path: Path, *files: Path) -> None:
-    """Print the table."""
+def read(path: Path) -> list[Shape]:
+    """The shapes of the file."""
     data = np.load(path)
-    names = [str(name) for name in data["names"]]
-    for rate, sparse in ((4, "input_2048"), (16, "input_512")):
-        table = Table("method", *(f"{name} ×10³" for name in METRICS), title=f"{rate}x, {len(names)} shapes")
-        for method, upsample in methods(rate, files).items():
-            rows = []
-            for k, name in enumerate(track(names, method, console=Console(stderr=True), transient=True)):
-                mesh = data[f"vertices_{name}"], data[f"faces_{name}"]
-                dense = upsample(data[sparse][k].astype(np.float64))
-                values = pcsr.evaluate(dense, data["gt_8192"][k], mesh, frame="each", metrics=METRICS)
-                rows.append([1e3 * values[metric] for metric in METRICS])
-            mean, spread = np.mean(rows, 0), np.std(rows, 0, ddof=1)
-            table.add_row(method, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(mean, spread, strict=True)))
-        Console().print(table)
+    return [
+        Shape(
+            str(name),
+            trimesh.Trimesh(data[f"vertices_{name}"], data[f"faces_{name}"], process=False),
+            {rate: data[key][k].astype(np.float64) for rate, key in INPUTS.items()},
+            data["gt_8192"][k],
+        )
+        for k, name in enumerate(data["names"])
+    ]
+
+
+def touched(shapes: Sequence[Shape], source: pcsr.TouchSource, count: int) -> list[Shape]:
+    """The shapes with `count` touches each; one that cannot be touched is left out, and stderr says why.
+
+    Raises:
+        UserError: no shape is left.
+    """
+    kept = []
+    for shape in shapes:
+        try:  # places are drawn uniformly from the surface whatever the cloud is, so both rates have the same touches
+            felt = source.touches(Item(shape.name, shape.name, shape.mesh), shape.sparse[4], count, SEED)
+        except UserError as error:
+            click.echo(f"{shape.name} is left out, as it cannot be touched: {error}", err=True)
+            continue
+        kept.append(replace(shape, touches=tuple(touch.points for touch in felt)))
+    if not kept:
+        raise UserError(f"none of {len(shapes)} shapes can be touched {count} times: give another --size, or fewer")
+    return kept
+
+
+def trained(model: pcsr.Model) -> tuple[Network, Recipe]:
+    """The model's network and what it was trained by.
+
+    Raises:
+        UserError: the model has no network.
+    """
+    if model.network is None or model.recipe is None:
+        raise UserError(f"model '{model.name}' has no network: interpolation is measured anyway, so leave it out")
+    return model.network, model.recipe
+
+
+def serves(network: Network, recipe: Recipe, rate: int) -> bool:
+    """Whether the network, applied as in its own tables, can make `rate` points of each."""
+    if recipe.patches:  # the network is applied again to what it made
+        return rate in (recipe.patches.rate**times for times in range(1, rate))
+    return rate == recipe.network_rate or Trait.ANY_RATE in network.upsampler.traits
+
+
+def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, Upsample]:
+    """What is compared at a rate: interpolation, and each model without touches and, if it was trained with any, with.
+
+    Raises:
+        UserError: a model has no network.
+    """
+    passes = 2 if rate == 16 else 1  # 16x as 4x twice, as the field does it and as is much better
+    compared: dict[str, Upsample] = {"midpoint": lambda points, felt: midpoint(points, rate, passes=passes)}
+    for model in models:
+        network, recipe = trained(model)
+        if not serves(network, recipe, rate):
+            click.echo(f"{model.name} cannot make {rate}x and is not in that table", err=True)
+            continue
+        compared[model.name] = by_protocol(network, recipe, rate, feels=False)
+        if touches and recipe.most_touches:
+            name = f"{model.name}, {touches} touch{'es' if touches > 1 else ''}"
+            compared[name] = by_protocol(network, recipe, rate, feels=True)
+    return compared
+
+
+def by_protocol(network: Network, recipe: Recipe, rate: int, *, feels: bool) -> Upsample:
+    """How a network is applied in its own tables, at this rate, with a shape's touches or without."""
+    recipe = recipe.model_copy(update={"data": recipe.data.model_copy(update={"rate": rate})})
+    return lambda points, felt: upsample_as(recipe, network, points, felt if feels else ())
+
+
+def scores(dense: Cloud, shape: Shape) -> list[float]:
+    """The columns of the table for one cloud, times 10³: `METRICS` as the field has them, and `SHIFTED`."""
+    field = pcsr.evaluate(dense, shape.truth, shape.mesh, frame="each", metrics=METRICS)
+    own = pcsr.evaluate(dense, shape.truth, frame="truth", metrics="cd")
+    return [1e3 * value for value in (*(field[metric] for metric in METRICS), own["cd"])]
+
+
+def table(shapes: Sequence[Shape], compared: dict[str, Upsample], rate: int, title: str) -> Table:
+    """Mean ± sample standard deviation over the shapes, in Markdown."""
+    result = Table("method", *METRICS, SHIFTED, title=title, box=box.MARKDOWN)
+    for name, upsample in compared.items():
+        shown = track(shapes, name, console=Console(stderr=True), transient=True)
+        rows = [scores(upsample(shape.sparse[rate], shape.touches), shape) for shape in shown]
+        spread = np.std(rows, 0, ddof=1) if len(rows) > 1 else np.full(len(rows[0]), np.nan)
+        result.add_row(name, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(np.mean(rows, 0), spread, strict=True)))
+    return result
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("models", nargs=-1, metavar="[MODEL]...")
+@click.option("--touches", type=click.IntRange(0, 16), default=0, help="Also measure with so many simulated touches.")
+@click.option(
+    "--size",
+    type=click.FloatRange(0, min_open=True),
+    default=60.0,
+    show_default=True,
+    help="Longest side of each shape for the touches, in mm.",
+)
+def main(file: Path, models: Sequence[str], touches: int, size: float) -> None:
+    """Print the tables of the shapes in FILE, for each MODEL (names, run folders, weights) or the shipped weights."""
+    try:
+        loaded = [pcsr.load(model) for model in models or weights.names()]
+        every = read(file)
+        shapes = every
+        if touches:
+            shapes = touched(every, load_plugins().get("touch", "digit")(object_size=size), touches)
+        for rate in INPUTS:
+            title = f"{rate}x, {len(shapes)} of {len(every)} shapes, ×10³"
+            found = table(shapes, methods(loaded, rate, touches), rate, title)
+            Console(width=200).print(found)  # a table is as wide as it need be, in a file too
+    except PcsrError as error:
+        raise click.ClickException(str(error)) from error
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    main()

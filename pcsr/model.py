@@ -1,5 +1,7 @@
 """The parts in a row: one network, whatever they are (TAPSR, Sec. 3.1, Fig. 1)."""
 
+from functools import partial
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -10,6 +12,9 @@ from pcsr.geometry.anchoring import even_subset
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+
+Felt = tuple[TouchPoints, TouchMask]
+"""Touches, and which of them are there."""
 
 
 class Network(nn.Module):
@@ -59,17 +64,35 @@ class Network(nn.Module):
         mask: TouchMask | None = None,
     ) -> list[Dense]:
         """As `forward`, with the clouds on the way: the coarsest first, the result last."""
-        count = rate * points.shape[1]
+        *coarse, dense = self._made(points, rate, touches, mask)
+        finish = _joined if self.training else partial(_thin, count=rate * points.shape[1])
+        return [*coarse, finish(dense, felt=self._anchors(touches, mask))]
+
+    def candidates(
+        self,
+        points: Points,
+        rate: int,
+        touches: TouchPoints | None = None,
+        mask: TouchMask | None = None,
+    ) -> Float[Tensor, "b more 3"]:
+        """All that is made of the points before the farthest are kept, touched points among them where they count."""
+        return _joined(self._made(points, rate, touches, mask)[-1], felt=self._anchors(touches, mask))
+
+    def _anchors(self, touches: TouchPoints | None, mask: TouchMask | None) -> Felt | None:
+        """The touches whose points are part of the result."""
+        if touches is None or not self.fusion.anchors:
+            return None
+        return touches, _all(touches) if mask is None else mask
+
+    def _made(
+        self, points: Points, rate: int, touches: TouchPoints | None, mask: TouchMask | None
+    ) -> list[Float[Tensor, "b _ 3"]]:
+        """What the upsampler makes; in training without its surplus."""
         start = self.upsampler.prepare(points, rate)
         cloud, features = self.refine(start, touches, mask)
-        left = count // start.shape[1]
+        left = rate * points.shape[1] // start.shape[1]
         *coarse, dense = self.upsampler.stages(cloud, features, left)
-        if self.training:
-            dense = _some(dense, left * cloud.shape[1])
-        if touches is None or not self.fusion.anchors:
-            return [*coarse, dense if self.training else _thin(dense, count)]
-        mask = _all(touches) if mask is None else mask
-        return [*coarse, _joined(dense, touches, mask) if self.training else _thin(dense, count, touches, mask)]
+        return [*coarse, _some(dense, left * cloud.shape[1]) if self.training else dense]
 
     def refine(
         self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None
@@ -139,17 +162,18 @@ def _some(dense: Dense, count: int) -> Float[Tensor, "b some 3"]:
     return dense[:, kept.to(dense.device)]
 
 
-def _joined(dense: Dense, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b more 3"]:
+def _joined(dense: Dense, *, felt: Felt | None) -> Float[Tensor, "b more 3"]:
     """The dense cloud and all touched points; in the place of a missing touch some of the cloud's points again."""
+    if felt is None:
+        return dense
+    touches, mask = felt
     m = touches.shape[2]
     again = dense.detach()[:, torch.arange(m, device=dense.device) % dense.shape[1]]
-    felt = torch.where(mask[:, :, None, None], touches, again.unsqueeze(1))
-    return torch.cat([dense, felt.flatten(1, 2)], dim=1)
+    known = torch.where(mask[:, :, None, None], touches, again.unsqueeze(1))
+    return torch.cat([dense, known.flatten(1, 2)], dim=1)
 
 
-def _thin(
-    dense: Dense, count: int, touches: TouchPoints | None = None, mask: TouchMask | None = None
-) -> Float[Tensor, "b kept 3"]:
+def _thin(dense: Dense, *, count: int, felt: Felt | None) -> Float[Tensor, "b kept 3"]:
     """Keep the `count` farthest points, touched ones among them if there are any.
 
     Some upsamplers give too many, and any does for a cloud with touches in it.
@@ -157,7 +181,7 @@ def _thin(
     Raises:
         UserError: the network is being exported.
     """
-    if dense.shape[1] == count and mask is None:
+    if dense.shape[1] == count and felt is None:
         return dense
     if torch.compiler.is_exporting():
         raise UserError(
@@ -166,12 +190,12 @@ def _thin(
         )
     rows = []
     for i, row in enumerate(dense):
-        felt = row[:0] if touches is None or mask is None else touches[i, mask[i]].flatten(0, 1)
-        both = torch.cat([felt, row])
-        if not len(felt) and len(row) == count:  # no touch: as it would be alone
+        known = row[:0] if felt is None else felt[0][i, felt[1][i]].flatten(0, 1)
+        both = torch.cat([known, row])
+        if not len(known) and len(row) == count:  # no touch: as it would be alone
             rows.append(row)
             continue
-        rows.append(both[torch.from_numpy(even_subset(both.detach().cpu().numpy(), count, len(felt))).to(row.device)])
+        rows.append(both[torch.from_numpy(even_subset(both.detach().cpu().numpy(), count, len(known))).to(row.device)])
     return torch.stack(rows)
 
 

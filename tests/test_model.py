@@ -1,5 +1,6 @@
 """The whole network: touches that are there, missing, or joined to the cloud."""
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import torch
 
 from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
+from pcsr.geometry.anchoring import even_subset
 from pcsr.metrics.chamfer import chamfer
 from pcsr.model import Network, build
 from pcsr.plugins import load_plugins
@@ -196,19 +198,84 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
         assert net(points, RATE, touches, mask).shape == (4, COUNT, 3)
 
 
+@pytest.mark.parametrize(
+    ("overrides", "anchors"),
+    [(ANCHORED, True), (INSERTED, True), ((*NO_FUSION, *FAN), False), ((*FAN, "model.fusion=iterative"), False)],
+)
 @torch.no_grad()
-def test_in_training_nothing_is_thinned_and_every_touched_point_is_there(clouds):
+def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthest_are_kept(clouds, overrides, anchors):
+    points, touches = clouds
+    net = network(*overrides)
+    for felt in (None, touches):
+        made = net.upsampler(*net.refine(points, felt), RATE)
+        every = net.candidates(points, RATE, felt)
+        assert every.shape[1] > COUNT
+        assert torch.equal(every[:, : made.shape[1]], made)
+        known = every[:, made.shape[1] :]
+        assert torch.equal(known, touches.flatten(1, 2) if anchors and felt is not None else points[:, :0])
+        both = torch.cat([known, made], dim=1)
+        for row, kept in zip(both, net(points, RATE, felt), strict=True):
+            assert torch.equal(row[torch.from_numpy(even_subset(row.numpy(), COUNT, known.shape[1]))], kept)
+
+
+@torch.no_grad()
+def test_candidates_repeat_points_in_the_place_of_a_missing_touch_and_are_what_training_judges(clouds):
+    points, touches = clouds
+    mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
+    net = anchored()
+    every = net.candidates(points, RATE, touches, mask)
+    assert torch.equal(net.candidates(points, RATE, touches), net.candidates(points, RATE, touches, mask | True))
+    for row, felt, there in zip(every, touches, mask, strict=True):
+        own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
+        assert torch.equal(joined[there], felt[there])
+        assert rows_of(joined[~there].flatten(0, 1)) <= own
+    net.train()
+    assert torch.equal(net.candidates(points, RATE, touches, mask), net(points, RATE, touches, mask))
+
+
+@torch.no_grad()
+def test_of_an_upsampler_without_surplus_candidates_are_the_result(clouds):
+    points, touches = clouds
+    net = network()
+    assert torch.equal(net.candidates(points, RATE, touches), net(points, RATE, touches))
+
+
+@torch.no_grad()
+def test_in_training_a_surplus_is_dropped_at_random_the_same_at_every_call(clouds):
+    points, _ = clouds
+    net = anchored()
+    made = net.upsampler(*net.refine(points), RATE)
+    state = torch.get_rng_state()
+    kept = net.train()(points, RATE)
+    assert kept.shape == (4, COUNT, 3)
+    assert torch.equal(net(points, RATE), kept)
+    assert torch.equal(torch.get_rng_state(), state)
+    assert made.shape[1] > 2 * COUNT
+    taken = [[row.index(point) for point in few] for row, few in zip(made.tolist(), kept.tolist(), strict=True)]
+    for row, few in zip(made, kept, strict=True):
+        assert Counter(map(tuple, few.tolist())) <= Counter(map(tuple, row.tolist())), "no place more often than made"
+    share = torch.tensor(taken[0]).float() / made.shape[1]
+    torch.testing.assert_close(share.histc(4, 0, 1) / COUNT, torch.full((4,), 0.25), atol=0.1, rtol=0)
+
+
+@torch.no_grad()
+def test_in_training_every_touched_point_is_there(clouds):
     points, touches = clouds
     net = anchored().train()
-    made = net(points, RATE)
-    assert made.shape[1] > COUNT
     mask = torch.tensor([[True, False, True]] * 4)
     dense = net(points, RATE, touches, mask)
-    assert dense.shape == (4, made.shape[1] + 36, 3)
+    assert dense.shape == (4, COUNT + 36, 3)
     for row, felt, there in zip(dense, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
         assert torch.equal(joined[there], felt[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own, "a missing touch repeats points of the cloud"
+
+
+@torch.no_grad()
+def test_in_training_there_are_as_many_for_each_point_that_joined(clouds):
+    points, touches = clouds
+    assert network(*NO_FUSION, *FAN).train()(points, RATE, touches).shape == (4, RATE * (N + 36), 3)
+    assert network(*INSERTED).train()(points, RATE, touches).shape == (4, RATE * (N + 36) + 36, 3)
 
 
 @torch.no_grad()

@@ -64,7 +64,7 @@ class Networked(Candidates):
 
     @torch.inference_mode()
     def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
-        """What the network gives.
+        """What the network makes, before the farthest are kept: `densify` chooses itself.
 
         Raises:
             RunError: something that is not finite.
@@ -76,7 +76,7 @@ class Networked(Candidates):
 
         felt = self._felt(touches)
         heard = torch.stack([tensor(touch) for touch in felt])[None] if felt else None
-        dense = self.network(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
+        dense = self.network.candidates(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
         if not np.isfinite(dense).all():
             raise RunError("the network gave coordinates that are not finite: its weights are damaged, train it again")
         made: Cloud = dense.astype(np.float64)

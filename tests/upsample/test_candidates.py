@@ -18,14 +18,14 @@ def ball(count=64, seed=0):
 
 
 class Echo(nn.Module):
-    """Gives each point twice, and remembers what it was asked."""
+    """Makes each point twice, and remembers what it was asked. It thins nothing, and has no `forward`."""
 
     def __init__(self, factor=1.0):
         super().__init__()
         self.factor = nn.Parameter(torch.tensor(factor))
         self.asked = []
 
-    def forward(self, points, rate, touches=None):
+    def candidates(self, points, rate, touches=None):
         self.asked.append(touches)
         return points.repeat_interleave(rate, dim=1) * self.factor
 

@@ -36,9 +36,13 @@ class Inserted(NoFusion):
     def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
         """Put every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
 
+        Touches of no points are left out.
+
         Raises:
             UserError: rows of the batch hold different numbers of touches, so that their clouds would differ in size.
         """
+        if not touches.shape[2]:
+            return points
         some = min(self.points, touches.shape[2])
         step = torch.arange(some, device=touches.device) * touches.shape[2] // max(some, 1)
         index = hilbert_order(touches)[..., step].unsqueeze(-1)

@@ -24,12 +24,8 @@ class FrameConv(nn.Module):
         self.edge = nn.Linear(SCALARS, c_out, bias=False)
         self.out = nn.Linear(2 * c_out, c_out)
 
-    def forward(
-        self, features: Features, frames: Frames, edges: Float[Tensor, "b n k 8"]
-    ) -> Float[Tensor, "b n wide"]:
+    def forward(self, features: Features, frames: Frames, edges: Float[Tensor, "b n k 8"]) -> Float[Tensor, "b n wide"]:
         """Convolve."""
-        heard = F.relu(
-            self.here(features).unsqueeze(2) + gather(self.there(features), frames.near) + self.edge(edges)
-        )
+        heard = F.relu(self.here(features).unsqueeze(2) + gather(self.there(features), frames.near) + self.edge(edges))
         convolved: Tensor = self.out(torch.cat([heard.amax(2), heard.mean(2)], dim=-1))
         return convolved

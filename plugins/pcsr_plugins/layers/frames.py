@@ -6,10 +6,11 @@ network that reads these, and answers in the same frame, turns, moves and scales
 what it learned of one place of a surface holds for all places that look alike.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from pcsr.geometry.neighbours import gather, knn
@@ -37,8 +38,6 @@ class Frames:
     """Of the plane that fits the neighbourhood best, on the side on which most of it lies."""
     rough: Float[Tensor, "b n 1"]
     """Root mean square of the neighbours' heights over that plane, in units of `unit`: 0 where all is flat."""
-    lopsided: Float[Tensor, "b n 1"]
-    """How far the neighbours' middle is from the point, in units of `unit`: 0 where they lie evenly around it."""
 
     @classmethod
     def of(cls, points: Points, neighbours: int) -> "Frames":
@@ -56,7 +55,27 @@ class Frames:
             height = (ways * normal.unsqueeze(2)).sum(-1)
             side = torch.where(height.sum(-1, keepdim=True) < 0, -1.0, 1.0)
             rough = height.square().mean(-1, keepdim=True).sqrt()
-            return cls(near, ways, unit, normal * side, rough, ways.mean(2).norm(dim=-1, keepdim=True))
+            return cls(near, ways, unit, normal * side, rough)
+
+    def around(self, spokes: int) -> Int[Tensor, "b n s"]:
+        """For each point the columns of `near` that lie around it: the nearest of each of as many equal angles.
+
+        So a way leads across each gap, where the nearest of all lie on this side of it. Height counts double, since
+        what is high above the plane is on another sheet of the surface. The angles begin at the nearest point's. Where
+        nobody lies within an angle, one of the nearest of all takes the place.
+        """
+        spokes = min(spokes, self.near.shape[2])
+        height = (self.ways * self.normal.unsqueeze(2)).sum(-1)
+        flat = self.ways - height.unsqueeze(-1) * self.normal.unsqueeze(2)
+        first = flat[:, :, :1]
+        turned = torch.cross(self.normal.unsqueeze(2), first, dim=-1)
+        angle = torch.atan2((flat * turned).sum(-1), (flat * first).sum(-1))
+        sector = torch.round(angle * spokes / (2 * math.pi)).long() % spokes  # (b n k)
+        cost = self.ways.norm(dim=-1) + 2 * height.abs()
+        within = sector.unsqueeze(2) == torch.arange(spokes, device=sector.device)[:, None]  # (b n s k)
+        least, column = torch.where(within, cost.unsqueeze(2), math.inf).min(-1)
+        empty = least.isinf()
+        return torch.where(empty, (empty.cumsum(-1) - 1).clamp_min(0), column)
 
     def edges(self) -> Float[Tensor, "b n k 8"]:
         """What tells an edge: its length, its heights over both planes, their angle, and how both ends differ."""

@@ -1,17 +1,17 @@
-"""Places on the ways from each point to its neighbours, moved in the frame of the edge, and thinned to be even.
+"""Places on the ways from each point to those around it, moved along the normal, and thinned to be even.
 
 Our own. Of the places that `shuffle` starts from there are twice as many as are wanted, and the host keeps those that
 are farthest from each other: how evenly the new points lie weighs as much in every metric as how near they are to the
-surface (docs/decisions.md). Each is moved along its edge and across it, in proportion to how unevenly the neighbours
-lie, and along the normal, in proportion to how rough the neighbourhood is: an even cloud of a plane stays as it is.
-What is read are lengths and angles, so one network serves every rate and every way that a cloud is turned. Before
-training it moves nothing: the network *is* the interpolation.
+surface (docs/decisions.md). Each is moved along the normal there, in proportion to how rough its point's neighbourhood
+is: what is flat stays flat, and what is even stays even. What is read are lengths and angles, so one network
+serves every rate and every way that a cloud is turned. Before training it moves nothing: the network *is* the
+interpolation.
 """
 
 import math
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Int, Shaped
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -22,12 +22,10 @@ from pcsr_plugins.layers.frames import SCALARS, Frames
 
 FARTHEST = 0.45
 """The share of the way to a neighbour at which the outermost places lie: its own are on the other side of half."""
-TINY = 1e-9
-"""Keeps the direction of an edge of no length finite."""
 
 
 class Fan(Upsampler):
-    """Moves each place by an MLP of the edge that it lies on, in units of the spacing of the points there."""
+    """Moves each place by what an MLP makes of the edge that it lies on, in units of the spacing there."""
 
     traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
 
@@ -39,9 +37,9 @@ class Fan(Upsampler):
         Args:
             widths: of the features, from the host.
             hidden: of the MLP.
-            spokes: neighbours of a point that places lead to.
+            spokes: points around each that places lead to.
             surplus: places for each point that is wanted.
-            neighbours: of a point, which its frame is fitted to.
+            neighbours: of a point, which its frame is fitted to and spokes are chosen from.
         """
         super().__init__()
         self.spokes, self.surplus, self.neighbours = spokes, surplus, neighbours
@@ -49,33 +47,31 @@ class Fan(Upsampler):
         self.there = nn.Linear(widths.refined, hidden, bias=False)
         self.edge = nn.Linear(SCALARS, hidden, bias=False)
         self.share = nn.Linear(2, hidden, bias=False)
-        last = nn.Linear(hidden, 3)
+        last = nn.Linear(hidden, 1)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.mlp = nn.Sequential(nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
-        """Set places out and move them; `surplus`·rate·n of them, or a few more."""
+        """Set places out and move them: the points themselves, which stay, and `surplus`·rate·n more, or a few more."""
         frames = Frames.of(points, self.neighbours)
-        spokes = min(self.spokes, frames.near.shape[2])
-        near, ways = frames.near[:, :, :spokes], frames.ways[:, :, :spokes]
-        known = self.here(features).unsqueeze(2) + gather(self.there(features), near)  # (b n s hidden)
-        known = known + self.edge(frames.edges()[:, :, :spokes])
-        axes = _axes(ways, frames)
-        rings = math.ceil(self.surplus * rate / spokes)
-        made = []
+        around = frames.around(self.spokes)
+        near, ways, edges = (_chosen(each, around) for each in (frames.near, frames.ways, frames.edges()))
+        known = self.here(features).unsqueeze(2) + gather(self.there(features), near) + self.edge(edges)
+        up, theirs = frames.normal.unsqueeze(2), gather(frames.normal, near)
+        unit, rough = frames.unit.unsqueeze(2), frames.rough.unsqueeze(2)
+        rings = math.ceil(self.surplus * rate / around.shape[2])
+        made = [points.unsqueeze(2)]
         for ring in range(1, rings + 1):
             share = FARTHEST * ring / rings
             told = self.share(torch.tensor([share, share * share], dtype=points.dtype, device=points.device))
-            moved = (self.mlp(known + told).unsqueeze(-1) * axes).sum(3)  # (b n s 3)
-            made.append(points.unsqueeze(2) + frames.unit.unsqueeze(2) * (share * ways + moved))
-        return torch.cat(made, dim=1).flatten(1, 2)
+            # As a surface bends, so does its normal: around a thin limb the middle of a way is pushed aside, not up.
+            normal = F.normalize(torch.lerp(up, theirs, share), dim=-1)
+            made.append(points.unsqueeze(2) + unit * (share * ways + rough * self.mlp(known + told) * normal))
+        return torch.cat(made, dim=2).flatten(1, 2)
 
 
-def _axes(ways: Float[Tensor, "b n s 3"], frames: Frames) -> Float[Tensor, "b n s axes 3"]:
-    """The directions along each edge in the plane and across it, as long as neighbours lie unevenly, and up."""
-    up = frames.normal.unsqueeze(2).expand_as(ways)
-    along = F.normalize(ways - (ways * up).sum(-1, keepdim=True) * up, dim=-1, eps=TINY)
-    across = torch.cross(up, along, dim=-1)
-    uneven, rough = frames.lopsided.unsqueeze(2), frames.rough.unsqueeze(2)
-    return torch.stack([uneven * along, uneven * across, rough * up], dim=3)
+def _chosen(of_edges: Shaped[Tensor, "b n k *c"], columns: Int[Tensor, "b n s"]) -> Shaped[Tensor, "b n s *c"]:
+    """Some edges of each point."""
+    index = columns.view(*columns.shape, *[1] * (of_edges.dim() - 3)).expand(*columns.shape, *of_edges.shape[3:])
+    return of_edges.gather(2, index)

@@ -1,0 +1,162 @@
+"""The rows of the studies in recipes/touch, read from their run folders (docs/when-touch-helps.md)."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.errors import UserError
+from pcsr.report.results import Results, TouchResult, read_results
+from pcsr.report.scores import scaled
+
+METRIC = "cd"
+NETWORK, SIZE, POLICY = "weights.use", "data.touch.object_size", "data.touch.policy"
+CAMERA, DEPTH, POSITION = "data.view.noise", "data.touch.depth_noise", "data.touch.position_noise"
+HEADS = {
+    NETWORK: "network",
+    SIZE: "longest side, mm",
+    POLICY: "policy",
+    CAMERA: "camera noise, radii",
+    DEPTH: "depth noise, mm",
+    POSITION: "position noise, mm",
+}
+STUDIES = {
+    "size": (NETWORK, SIZE),
+    "vision": (CAMERA,),
+    "occlusion": (POLICY,),
+    "sensor": (POSITION, DEPTH),
+    "policy": (POLICY,),
+}
+"""What each study varies beside the number of touches. Its rows are called `study-…`."""
+TOUCHES = 4
+"""In the pictures and tables that are not over the number of touches."""
+PLAIN, BESIDE = "without touch", ("midpoint", "floor")
+Numbers = Float[np.ndarray, " k"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a study, on the objects that all of its rows have. Chamfer distances are times `scale`."""
+
+    name: str
+    settings: dict[str, Any]
+    """Of the keys in `HEADS`."""
+    weights: str
+    """Their hash."""
+    touches: int
+    coverage: float
+    """Of the objects' surface, in the mean of all objects of the row."""
+    touched: Numbers
+    plain: Numbers
+    replaced: Numbers
+    """Without touch, the felt region replaced by the truth."""
+    beside: dict[str, float]
+    """Means of the baselines."""
+    effect: TouchResult
+    label: str
+    """`cd ×10³`."""
+    scale: float
+
+    @property
+    def change(self) -> float:
+        """What touch changes in the mean; below 0 it helps."""
+        return float((self.touched - self.plain).mean())
+
+    @property
+    def error(self) -> float:
+        """Standard error of `change` over objects, which are their own controls; NaN for a single one."""
+        count = len(self.plain)
+        return float((self.touched - self.plain).std(ddof=1)) / math.sqrt(count) if count > 1 else math.nan
+
+
+def read(runs: Path) -> dict[str, list[Row]]:
+    """The rows of each study that was run, sorted by what is varied.
+
+    Raises:
+        UserError: there is none, two runs are the same row, networks of one name have other weights, or a run's
+            results are malformed or of no touch.
+    """
+    found: dict[str, list[Results]] = defaultdict(list)
+    paths: dict[str, Path] = {}
+    for path in sorted(runs.glob("*/results.json")):
+        results = read_results(path)
+        study = results.name.partition("-")[0]
+        if study not in STUDIES:
+            continue
+        if results.name in paths:
+            raise UserError(f"{paths[results.name]} and {path} are both '{results.name}': delete the one that is old")
+        paths[results.name] = path
+        found[study].append(results)
+    if not found:
+        raise UserError(f"{runs} holds no run of a study: `pcsr run recipes/touch/size.yaml --runs {runs}` makes some")
+    studies = {study: rows_of(found[study], STUDIES[study]) for study in STUDIES if study in found}
+    known: dict[str, Row] = {}
+    for row in (row for rows in studies.values() for row in rows):
+        first = known.setdefault(row.settings[NETWORK], row)
+        if first.weights != row.weights:
+            raise UserError(
+                f"'{first.name}' and '{row.name}' are by different weights '{row.settings[NETWORK]}' "
+                f"({first.weights[:12]} and {row.weights[:12]}): delete the old runs and run their studies again"
+            )
+    return studies
+
+
+def rows_of(runs: Sequence[Results], keys: Sequence[str]) -> list[Row]:
+    """The rows of one study, sorted by the settings `keys` and the number of touches.
+
+    Raises:
+        UserError: a run has no touches, or no object is in all of them.
+    """
+    common = set.intersection(*(set(run.objects) for run in runs))
+    if not common:
+        raise UserError(f"the runs {', '.join(run.name for run in runs)} have no object in common: run them again")
+    rows = [_row(run, [k for k, name in enumerate(run.objects) if name in common]) for run in runs]
+    return sorted(rows, key=lambda row: (*(row.settings[key] for key in keys), row.touches))
+
+
+def own(rows: Sequence[Row]) -> list[Row]:
+    """Those of the network that most rows are of: it was measured with every number of touches."""
+    networks = [row.settings[NETWORK] for row in rows]
+    most = max(networks, key=networks.count, default=None)
+    return [row for row in rows if row.settings[NETWORK] == most]
+
+
+def around(rows: Sequence[Row]) -> Row | None:
+    """The row whose error is shown over the distance to the touches: four of them on the smallest objects."""
+    return next((row for row in own(rows) if row.touches == TOUCHES), None)
+
+
+def _row(run: Results, kept: Sequence[int]) -> Row:
+    if run.touch is None or METRIC not in run.metrics or not run.recipe.get("weights"):
+        raise UserError(f"run '{run.name}' has no touches, no {METRIC} or no weights: run its study again")
+    scale = run.metrics[METRIC].scale
+    settings = {key: _setting(run.recipe, key) for key in HEADS}
+    touched, plain, replaced = (
+        scale * np.array(values)[kept] for values in (run.touch.touched, run.touch.plain, run.touch.replaced)
+    )
+    return Row(
+        name=run.name,
+        settings=settings | {NETWORK: Path(settings[NETWORK]).stem},
+        weights=run.recipe["weights"]["sha256"],
+        touches=run.data.touches,
+        coverage=run.data.coverage or 0.0,
+        touched=touched,
+        plain=plain,
+        replaced=replaced,
+        beside={one.name: float(scale * np.array(one.values[METRIC])[kept].mean()) for one in run.methods[1:]},
+        effect=run.touch,
+        label=scaled(METRIC, scale),
+        scale=scale,
+    )
+
+
+def _setting(recipe: dict[str, Any], key: str) -> Any:
+    value: Any = recipe
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    return value

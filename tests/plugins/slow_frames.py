@@ -1,0 +1,56 @@
+"""The frames of neighbourhoods one point after the other; clouds, and turns to see that nothing depends on them."""
+
+import math
+
+import torch
+from scipy.spatial.transform import Rotation
+from torch.nn import functional as F
+
+
+def rotation(seed, dtype=torch.float32):
+    """Any one, for rows of points: ``points @ rotation``."""
+    return torch.from_numpy(Rotation.random(random_state=seed).as_matrix()).to(dtype)
+
+
+def curved(seed=0, n=60, rows=2):
+    """An ellipsoid, in double precision: it is certain which side is up, and rounding decides nothing."""
+    random = torch.Generator().manual_seed(seed)
+    directions = F.normalize(torch.randn(rows, n, 3, generator=random, dtype=torch.float64), dim=2)
+    return directions * torch.tensor([1.0, 0.8, 0.6], dtype=torch.float64)
+
+
+def grid(side=12):
+    """A plane's, evenly spaced, (1 side² 3)."""
+    line = torch.linspace(-0.6, 0.6, side, dtype=torch.float64)
+    return F.pad(torch.cartesian_prod(line, line), (0, 1))[None]
+
+
+def slow_frame(points, i, neighbours):
+    """Of one point: its neighbours, the ways to them in units of the spacing, that, the normal and how rough it is."""
+    near = (points - points[i]).norm(dim=1).argsort()[1 : neighbours + 1]
+    unit = (points[near] - points[i])[:8].norm(dim=1).mean()
+    ways = (points[near] - points[i]) / unit
+    normal = torch.linalg.svd((ways - ways.mean(0)).double()).Vh[-1].to(points.dtype)
+    normal = normal * (1 if (ways @ normal).sum() >= 0 else -1)
+    return near, ways, unit, normal, (ways @ normal).square().mean().sqrt()
+
+
+def slow_edge(here, there, way):
+    """What tells the edge from one frame to another."""
+    _, ways, unit, normal, rough = here
+    _, ways_j, unit_j, normal_j, rough_j = there
+    angles = [way @ normal, way @ normal_j, normal @ normal_j]
+    ends = [(unit_j / unit).log(), rough_j - rough, way @ ways.mean(0), way @ ways_j.mean(0)]
+    return torch.stack([way.norm(), *angles, *ends])
+
+
+def slow_around(ways, normal, spokes):
+    """Which of a point's ways lead around it: angle by angle the cheapest, or else the so manieth of all."""
+    spokes = min(spokes, len(ways))
+    within = [[] for _ in range(spokes)]
+    for column, way in enumerate(ways):
+        turn = torch.linalg.det(torch.stack([ways[0], way, normal]))
+        angle = math.atan2(turn, ways[0] @ way - (ways[0] @ normal) * (way @ normal))
+        cost = way.norm() + 2 * (way @ normal).abs()
+        within[round(angle / (2 * math.pi / spokes)) % spokes].append((cost.item(), column))
+    return [min(those)[1] if those else place for place, those in enumerate(within)]
