@@ -5,7 +5,7 @@ BIN := .venv/bin
 .PHONY: run test check bench clean
 
 run: .venv/.installed
-	$(BIN)/pcsr run recipes/tapsr.yaml
+	$(BIN)/pcsr run recipes/pretrained.yaml
 
 test: .venv/.installed
 	$(BIN)/python -m pytest $(ARGS)

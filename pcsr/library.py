@@ -136,7 +136,7 @@ def load(
     """A model ready for use.
 
     Args:
-        model: a name (`tapsr`, or `midpoint` for interpolation), a run folder, a weights file, or `org/name` on the
+        model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights file, or `org/name` on the
             Hugging Face hub (extra `[hub]`); the default weights if not given.
         plugins: Python files with parts that the weights need.
         device: where to compute.

@@ -27,7 +27,7 @@ N, M = 64, 40
 
 @pytest.fixture(scope="module")
 def shipped():
-    return load()
+    return load("tapsr")
 
 
 @pytest.fixture(scope="module", params=[0, 2], ids=lambda touches: f"{touches} touches")

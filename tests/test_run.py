@@ -133,7 +133,10 @@ def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
 def test_shipped_weights_are_those_of_their_recipe(name, registry):
     path = ROOT / f"pcsr/weights/{name}.safetensors"
     _, recipe, card = load_weights(path, registry)
-    assert card["fingerprint"] == load(ROOT / f"recipes/{name}.yaml", registry)[0].fingerprint == recipe.fingerprint
+    (written,) = load(ROOT / f"recipes/shipped/{name}.yaml", registry)
+    assert (recipe.model, recipe.train, recipe.seed) == (written.model, written.train, written.seed)
+    assert card["fingerprint"] == recipe.fingerprint
+    assert len(card["data"]) == len(recipe.joined) == 3  # of each data set what it is, for the model card
     assert path.stat().st_size < 8e6
 
 

@@ -18,7 +18,7 @@ PIPE = Path("-")
 @click.option("--rate", type=float, default=None, help="Points that come out for each, 1.1 to 64.  [default: 4]")
 @click.option("--points", "count", type=int, default=None, help="Points that come out, instead of a rate.")
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
-@click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: tapsr]")
+@click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
     "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
 )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pcsr.errors import UserError, did_you_mean
 
-DEFAULT = "tapsr"
+DEFAULT = "frames"
 """What is used where no model is named."""
 HERE = Path(__file__).parent
 

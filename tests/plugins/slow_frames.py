@@ -45,7 +45,7 @@ def slow_edge(here, there, way):
 
 
 def slow_around(ways, normal, spokes):
-    """Which of a point's ways lead around it: angle by angle the cheapest, or else the so manieth of all."""
+    """Which of a point's ways lead around it: angle by angle the cheapest; empty ones take the nearest in their order."""
     spokes = min(spokes, len(ways))
     within = [[] for _ in range(spokes)]
     for column, way in enumerate(ways):
@@ -53,4 +53,5 @@ def slow_around(ways, normal, spokes):
         angle = math.atan2(turn, ways[0] @ way - (ways[0] @ normal) * (way @ normal))
         cost = way.norm() + 2 * (way @ normal).abs()
         within[round(angle / (2 * math.pi / spokes)) % spokes].append((cost.item(), column))
-    return [min(those)[1] if those else place for place, those in enumerate(within)]
+    nearest = iter(range(spokes))
+    return [min(those)[1] if those else next(nearest) for those in within]

@@ -3,7 +3,7 @@
 The Chamfer distance from the new points to the true ones is for the most part the gaps between the true ones, so it
 says little of whether a point lies on the surface. And where the sparse points are some of the true ones, it rewards
 whoever draws new points to them. A network that learns by it comes to lie worse on smooth surfaces than interpolation
-does, and less evenly (RESULTS.md, "The loss"). Here only the way from the true points is the Chamfer distance's.
+does, and less evenly (RESULTS.md, "PU-GAN's shapes"). Here only the way from the true points is the Chamfer distance's.
 The new ones are held to the plane of the nearest true point and those around it: the point-to-plane error of
 registration (Chen and Medioni, "Object modelling by registration of multiple range images", Image and Vision Computing
 1992, Eq. 4); and where there is no true point within reach, to that point. Within reach is what is nearer than true
