@@ -136,6 +136,9 @@ class Backbone(nn.Module, Part):
 class Upsampler(nn.Module, Part):
     """Features to `rate` times as many points."""
 
+    at_once: ClassVar[int | None] = None
+    """The greatest rate that is made in one pass, in use: a greater one is made of what was made. None: any is."""
+
     def prepare(self, points: Points, rate: int) -> Dense:
         """The cloud that the network sees: as a rule the sparse one.
 

@@ -136,8 +136,8 @@ def load(
     """A model ready for use.
 
     Args:
-        model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights file, or `org/name` on the
-            Hugging Face hub (extra `[hub]`); the default weights if not given.
+        model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
+            file, or `org/name` on the Hugging Face hub (extra `[hub]`); the default weights if not given.
         plugins: Python files with parts that the weights need.
         device: where to compute.
 

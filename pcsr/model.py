@@ -54,7 +54,14 @@ class Network(nn.Module):
             (b rate·n 3), in the same frame. In training there may be more: touched points, and what was made of
             them, are not thinned.
         """
-        return self.stages(points, rate, touches, mask)[-1]
+        at_once = self.upsampler.at_once
+        first = 1 if self.training or at_once is None or rate <= at_once else _first(rate, at_once)
+        if first == 1:
+            return self.stages(points, rate, touches, mask)[-1]
+        cloud = self.stages(points, first, touches, mask)[-1]
+        # The touches are in that cloud already; once more they take the place of what is made around them.
+        dense = self._made(cloud, rate // first, None, None)[-1]
+        return _thin(dense, count=rate * points.shape[1], felt=self._anchors(touches, mask))
 
     def stages(
         self,
@@ -63,7 +70,7 @@ class Network(nn.Module):
         touches: TouchPoints | None = None,
         mask: TouchMask | None = None,
     ) -> list[Dense]:
-        """As `forward`, with the clouds on the way: the coarsest first, the result last."""
+        """As `forward`, in one pass, with the clouds on the way: the coarsest first, the result last."""
         *coarse, dense = self._made(points, rate, touches, mask)
         finish = _joined if self.training else partial(_thin, count=rate * points.shape[1])
         return [*coarse, finish(dense, felt=self._anchors(touches, mask))]
@@ -148,6 +155,12 @@ def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures
         return touches
     features: Tensor = touch_encoder(touches.flatten(0, 1))
     return features.view(*touches.shape[:2], *features.shape[1:])
+
+
+def _first(rate: int, at_once: int) -> int:
+    """The rate of the first of two passes: near the root, neither being too much. 1: it can't be shared."""
+    divisors = [d for d in range(1, rate + 1) if rate % d == 0]
+    return min(divisors, key=lambda d: (max(d, rate // d) > at_once, abs(d - rate**0.5), -d))
 
 
 def _some(dense: Dense, count: int) -> Float[Tensor, "b some 3"]:

@@ -9,6 +9,7 @@ interpolation.
 """
 
 import math
+from typing import ClassVar
 
 import torch
 from jaxtyping import Int, Shaped
@@ -28,6 +29,7 @@ class Fan(Upsampler):
     """Moves each place by what an MLP makes of the edge that it lies on, in units of the spacing there."""
 
     traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
+    at_once: ClassVar[int | None] = 8
 
     def __init__(
         self, widths: Widths, *, hidden: int = 64, spokes: int = 8, surplus: float = 2.0, neighbours: int = 16
