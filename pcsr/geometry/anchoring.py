@@ -10,6 +10,9 @@ SAMPLE = 16
 """How far apart kept points will lie is estimated from one point in so many,"""
 ENOUGH = 64
 """but from no fewer than so many of them: in a small part most points lie at its border."""
+APART = 0.9
+"""Touched points that are kept are at least so many of these distances apart: a dense touch is no reason to have more
+points there, and fewer elsewhere."""
 CLEAR = 1.0
 """What was made within so many of these distances of a touched point gives way to it."""
 
@@ -18,8 +21,7 @@ def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) 
     """Indices of the `count` points that are farthest from each other, touched points among them.
 
     A touched point is known, others near it are guessed: they go first. What is then farthest from each other is
-    kept, of both kinds, so that a touch that is denser than the result does not make it denser there. If too few would
-    be left, the guessed ones that are farthest from any touched one stay.
+    kept, of both kinds. If too few would be left, the guessed ones that are farthest from any touched one stay.
 
     Args:
         points: more than are wanted, in any frame.
@@ -31,13 +33,27 @@ def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) 
     """
     if not touched or not np.isfinite(points).all():  # a network that diverged: metrics say so
         return farthest_points(points, count)
-    gap, tree = CLEAR * spacing(points, count), cKDTree(points[:touched])
-    clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=gap)[0]))
-    if touched + len(clear) < count:
-        clear = tree.query(points[touched:])[0].argsort(kind="stable")[touched - count :]
-    left = np.concatenate([np.arange(touched), touched + clear])
+    guessed = len(points) - touched
+    gap = spacing(points[touched:] if guessed > 1 else points, count)
+    felt = farthest_points(points[:touched], touched)
+    felt = felt[: max(_apart(points[felt], APART * gap), count - guessed)]
+    tree = cKDTree(points[:touched])
+    clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=CLEAR * gap)[0]))
+    if len(felt) + len(clear) < count:
+        clear = tree.query(points[touched:])[0].argsort(kind="stable")[len(felt) - count :]
+    left = np.concatenate([felt, touched + clear])
     kept: Int[np.ndarray, " count"] = left[farthest_points(points[left], count)]
     return kept
+
+
+def _apart(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
+    """How many of the first points, each the farthest from those before it, are at least `gap` from each other."""
+    low, high = 1, len(ordered)
+    while low < high:
+        middle = (low + high + 1) // 2
+        nearest = cKDTree(ordered[:middle]).query(ordered[:middle], k=[2])[0].min()
+        low, high = (middle, high) if nearest >= gap else (low, middle - 1)
+    return low
 
 
 def spacing(points: Float[np.ndarray, "n 3"], count: int) -> float:

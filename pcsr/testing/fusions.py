@@ -84,12 +84,14 @@ def hears(subject: Subject) -> None:
     """Touch makes a difference: other touches give something else."""
     module: Any = subject.lively()
     joins = type(module).join is not Fusion.join
-    if not (module.hears_features or joins):
+    if not (module.hears_features or joins or module.anchors):
         raise subject.failure(
-            "it hears no features and joins no points, so touch never enters",
-            "one of the two",
-            "set hears_features = True, or override `join`",
+            "it hears no features, joins no points and has no anchors, so touch never enters",
+            "one of the three",
+            "set hears_features or anchors = True, or override `join`",
         )
+    if module.anchors and not module.hears_features:
+        raise Skipped(f"by {subject} touch enters as points of the result, which the host puts there")
     tensors = given(module, subject.widths)
     other = {name: tensor.flip(0) if "touch" in name else tensor for name, tensor in tensors.items()}
     if torch.equal(call(module, subject.widths.rate, tensors), call(module, subject.widths.rate, other)):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from pcsr import UserError
-from pcsr.geometry.anchoring import CLEAR, even_subset, spacing
+from pcsr.geometry.anchoring import APART, CLEAR, even_subset, spacing
 from pcsr.geometry.farthest import farthest_points
 
 
@@ -34,11 +34,16 @@ def slow_spacing(points, count):
 
 
 def slow_left(points, count, touched):
-    """The touched points, and the guessed ones that are none's neighbour."""
-    gap = CLEAR * spacing(points, count)
+    """Touched points that keep apart, as long as they do, and the guessed ones that are no touched one's neighbour."""
     guessed = range(touched, len(points))
-    clear = [i for i in guessed if min(np.linalg.norm(points[i] - p) for p in points[:touched]) >= gap]
-    return [*range(touched), *clear]
+    gap = spacing(points[touched:], count)
+    felt = []
+    for i in farthest_points(points[:touched], touched).tolist():
+        if any(np.linalg.norm(points[i] - points[j]) < APART * gap for j in felt) and len(felt) >= count - len(guessed):
+            break
+        felt.append(i)
+    clear = [i for i in guessed if min(np.linalg.norm(points[i] - p) for p in points[:touched]) >= CLEAR * gap]
+    return [*felt, *clear]
 
 
 @pytest.mark.parametrize("surface", [sphere, square])
@@ -83,7 +88,7 @@ def test_a_touched_region_consists_of_touched_points_and_is_no_denser_than_the_r
     points = np.concatenate([patch(rng, touched), square(rng, 4800)])
     kept = even_subset(points, count, touched)
     felt, guessed = points[kept[kept < touched]], points[kept[kept >= touched]]
-    gap = CLEAR * spacing(points, count)
+    gap = CLEAR * spacing(points[touched:], count)
     assert cKDTree(points[:touched]).query(guessed)[0].min() >= gap
     assert not (np.abs(guessed) < 0.35 - gap).all(1).any()
     inside = (np.abs(felt) < 0.3).all(1).sum() / 0.6**2

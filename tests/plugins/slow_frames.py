@@ -45,7 +45,7 @@ def slow_edge(here, there, way):
 
 
 def slow_around(ways, normal, spokes):
-    """Which of a point's ways lead around it: angle by angle the cheapest; empty ones take the nearest in their order."""
+    """Which of a point's ways lead around it: angle by angle the cheapest; empty ones take the nearest in turn."""
     spokes = min(spokes, len(ways))
     within = [[] for _ in range(spokes)]
     for column, way in enumerate(ways):

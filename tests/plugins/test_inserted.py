@@ -102,6 +102,11 @@ def test_touches_of_no_points_are_left_out(count):
     assert torch.equal(Inserted(WIDTHS).join(points, touches, ALL[:, :count]), points)
 
 
+def test_in_use_nobody_joins():
+    points, touches = given_clouds()
+    assert Inserted(WIDTHS).eval().join(points, touches, ALL) is points
+
+
 # --- in a network
 
 

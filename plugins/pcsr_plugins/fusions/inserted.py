@@ -1,9 +1,11 @@
-"""Touch as geometry: touched points are points of the cloud, and part of the result. Our own.
+"""Touch as geometry: touched points are part of what is made, and of what the next pass sees. Our own.
 
 The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
-and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Joined here are a few points of
-each touch, spread over it, so that the cloud is not many times as dense there as around it; and the host puts all
-touched points in the place of what the network made around them (`anchors`).
+and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here the host puts the touched
+points in the place of what the network made around them, as densely as the rest (`anchors`); where there is another
+pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the network
+learns of places where the spacing changes. In use they don't: a cloud that is many times as dense in one place is not
+what neighbourhoods look like elsewhere, and took back most of what the touch had brought.
 """
 
 from typing import ClassVar
@@ -28,20 +30,20 @@ class Inserted(NoFusion):
 
         Args:
             widths: of the features, from the host.
-            points: of each touch.
+            points: of each touch that join the cloud in training.
         """
         super().__init__(widths)
         self.points = points
 
     def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
-        """Put every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
+        """In training every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
 
         Touches of no points are left out.
 
         Raises:
             UserError: rows of the batch hold different numbers of touches, so that their clouds would differ in size.
         """
-        if not touches.shape[2]:
+        if not (self.training and touches.shape[2]):
             return points
         some = min(self.points, touches.shape[2])
         step = torch.arange(some, device=touches.device) * touches.shape[2] // max(some, 1)
