@@ -10,7 +10,7 @@ from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
 from pcsr.geometry.anchoring import even_subset
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network, build
+from pcsr.model import Network, _first, build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
 
@@ -344,3 +344,26 @@ def test_few_touched_points_never_leave_too_few_points(clouds):
     """A touched point takes the place of all around it: of an upsampler without surplus none may be left over."""
     points, touches = clouds
     assert network(ANCHORED[0])(points, RATE, touches[:, :1, :2]).shape == (4, COUNT, 3)
+
+
+# --- a rate that is too much for one pass
+
+
+@pytest.mark.parametrize(("rate", "first"), [(9, 3), (12, 3), (16, 4), (24, 4), (32, 4), (64, 8), (11, 1), (128, 8)])
+def test_two_passes_share_a_rate_near_its_root(rate, first):
+    assert _first(rate, 8) == first
+
+
+@torch.no_grad()
+def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(clouds):
+    points, touches = clouds
+    net = network("model.fusion=inserted", "model.touch_encoder=null", "model.upsampler=fan")
+    assert net.upsampler.at_once == 8
+    assert torch.equal(net(points, 16), net(net(points, 4), 4))
+    assert torch.equal(net(points, 8), net.stages(points, 8)[-1])
+    dense = net(points, 16, touches)
+    assert dense.shape == (4, 16 * N, 3)
+    for made, felt in zip(dense, touches.flatten(1, 2), strict=True):
+        assert (torch.cdist(made, felt).amin(1) == 0).sum() > len(felt) / 2
+    alone = net.train()(points, 16)
+    assert alone.shape[1] == 16 * N, "in training one pass makes all"

@@ -41,13 +41,15 @@ def test_each_way_is_the_nearest_within_its_angle_or_nobody_is(seed, neighbours,
     y = torch.linalg.cross(frames.normal, x)
     angle = torch.atan2((flat * y.unsqueeze(2)).sum(-1), (flat * x.unsqueeze(2)).sum(-1)).rad2deg()
     cost = frames.ways.norm(dim=-1) + 2 * height.abs()
+    empty = torch.zeros(frames.near.shape[:2], dtype=torch.int64)
     for spoke, columns in enumerate(around.unbind(-1)):
         off = ((angle - 360 * spoke / spokes + 180) % 360 - 180).abs()
         within = off <= 180 / spokes
         taken = within.gather(2, columns.unsqueeze(-1)).squeeze(-1)
         assert torch.equal(taken, within.any(-1))
         nobody = ~within.any(-1)
-        assert (columns[nobody] == spoke).all()
+        assert torch.equal(columns[nobody], empty[nobody]), "the nearest of all in turn"
+        empty = empty + nobody
         best = cost.where(within, torch.inf).amin(-1)
         chosen = cost.gather(2, columns.unsqueeze(-1)).squeeze(-1)
         torch.testing.assert_close(chosen[~nobody], best[~nobody], atol=1e-9, rtol=0)
