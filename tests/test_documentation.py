@@ -18,7 +18,7 @@ from pcsr.clouds.formats import read_points, write_points
 from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
 from pcsr.recorded import write
-from pcsr.weights import DEFAULT, shipped
+from pcsr.weights import shipped
 from pcsr.weights.file import __file__ as weights_file
 
 TEXT = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def quick(monkeypatch):
     """`export_onnx` for what the page asks of it."""
 
     def export(model, path, *, points, touches, touch_points, batch=None):
-        assert (model.path, batch) == (shipped(DEFAULT), None)
+        assert (model.path, batch) == (shipped("tapsr"), None)
         example = torch.zeros(2, points, 3), torch.zeros(2, touches, touch_points, 3)
         Path(path).write_bytes(_graph("standin", Standin(), example, fixed=False).SerializeToString())
         return {"points": ("b", points, 3), "dense": ("b", model.recipe.data.rate * points, 3)}

@@ -123,7 +123,8 @@ def test_up_down_up_is_the_original_in_another_order(surplus):
 
 def test_the_farthest_of_six_copies_make_a_rate_of_four():
     net, points = network(channels=16), torch.randn(2, 20, 3)
-    dense = net(points, 4)
+    assert net.train()(points, 4).shape == (2, 80, 3)
+    dense = net.eval()(points, 4)
     assert dense.shape == (2, 80, 3)
     made = net.upsampler(points, net.backbone(points, net.encoder(points)), 4)
     assert made.shape == (2, 120, 3)

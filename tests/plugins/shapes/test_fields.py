@@ -45,7 +45,8 @@ def test_a_bent_limb_follows_its_curve(shift, radius):
     field = fields.limb([tuple(p) for p in through], 3 * [radius])
     near = curve[::40] + np.random.default_rng(0).normal(size=(101, 3)) * radius
     naive = np.linalg.norm(near[:, None] - curve, axis=2).min(axis=1) - radius
-    np.testing.assert_allclose(field(near), naive, atol=0.05)
+    # Where a curve turns sharply its straight pieces cut the bend a little.
+    np.testing.assert_allclose(field(near), naive, atol=0.03 * radius)
 
 
 def test_pieces_do_not_show_on_a_bent_limb():
