@@ -70,21 +70,21 @@ def test_large_coordinates_keep_their_millimetres(interpolation):
 
 
 @pytest.fixture(scope="module")
-def tapsr():
+def default():
     return load()
 
 
-def test_the_default_weights_listen_to_touches_of_every_form(tapsr, tmp_path):
+def test_the_default_weights_listen_to_touches_of_every_form(default, tmp_path):
     points = cloud(300)
     felt = [cloud(40, seed) * 0.2 for seed in (1, 2)]
-    plain = tapsr.upsample(points, rate=2)
-    touched = tapsr.upsample(points, felt, rate=2)
+    plain = default.upsample(points, rate=2)
+    touched = default.upsample(points, felt, rate=2)
     assert plain.shape == touched.shape == (600, 3)
     assert not np.array_equal(plain, touched)
     records = [Touch.of_one_finger(touch, np.eye(4), 1.0, "digit") for touch in felt]
     write(tmp_path / "touches", records)
     for same in (records, tmp_path / "touches", str(tmp_path / "touches"), [torch.from_numpy(touch) for touch in felt]):
-        np.testing.assert_array_equal(tapsr.upsample(points, same, rate=2), touched)
+        np.testing.assert_array_equal(default.upsample(points, same, rate=2), touched)
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(1000.0, 0.0), (1.0, 50.0)])
@@ -140,13 +140,13 @@ def test_what_is_no_cloud_is_named(interpolation, points, said):
         interpolation.upsample(points, rate=2)
 
 
-def test_models_are_found_by_name_folder_and_file(tmp_path, tapsr):
-    shutil.copy(shipped("tapsr"), tmp_path / "weights.safetensors")
-    for model in ("tapsr", tmp_path, str(tmp_path), tmp_path / "weights.safetensors"):
+def test_models_are_found_by_name_folder_and_file(tmp_path, default):
+    shutil.copy(shipped("frames"), tmp_path / "weights.safetensors")
+    for model in ("frames", tmp_path, str(tmp_path), tmp_path / "weights.safetensors"):
         loaded = load(model)
         assert loaded.network is not None
         assert not loaded.network.training
-        for one, other in zip(loaded.network.parameters(), tapsr.network.parameters(), strict=True):
+        for one, other in zip(loaded.network.parameters(), default.network.parameters(), strict=True):
             assert torch.equal(one, other)
 
 
