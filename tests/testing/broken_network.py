@@ -330,7 +330,7 @@ BROKEN = [
     ("missing-touches", CountsByShape, "a cloud with 1 touch comes out"),
     ("ragged-join", RefusesRagged, "refuses with 'unequal'"),
     ("hears", Deaf, "other touches change nothing"),
-    ("hears", HearsNothing, "hears no features and joins no points"),
+    ("hears", HearsNothing, "hears no features, joins no points and has no anchors"),
     ("hears", ForgetsTheCloud, "points of the cloud are not in it"),
     ("trait-touch-order-free", FirstTouchFirst, "claims 'touch-order-free', but with its touches in another order"),
     ("stages", AnotherLastStage, "last stage is .* off the result of `forward`"),
