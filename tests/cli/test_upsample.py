@@ -104,7 +104,7 @@ def test_a_pipe_takes_and_gives_clouds(scan):
 
 def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     points = read_points(scan)
-    felt = [Touch.of_one_finger(points[:40] + 1e-3, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
+    felt = [Touch.of_one_finger(points[:40] + 0.05, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
     write(tmp_path / "touches", felt)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "--rate", 2)
