@@ -104,7 +104,11 @@ def test_a_pipe_takes_and_gives_clouds(scan):
 
 def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     points = read_points(scan)
-    felt = [Touch.of_one_finger(points[:40] + 0.05, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
+    surface = bowl(4000, 1) + np.array([500_000.0, 5_400_000.0, 300.0])
+    away = np.linalg.norm(surface[:, None] - points[None], axis=2).min(1)
+    middle = surface[np.argsort(away)[-200]]  # of a gap: elsewhere the points of the scan are kept instead
+    patch = surface[np.linalg.norm(surface - middle, axis=1).argsort()[:40]]
+    felt = [Touch.of_one_finger(patch, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
     write(tmp_path / "touches", felt)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "--rate", 2)
