@@ -91,7 +91,7 @@ def test_a_touched_region_consists_of_touched_points_and_is_no_denser_than_the_r
     gap = CLEAR * spacing(points[touched:], count)
     assert cKDTree(points[:touched]).query(guessed)[0].min() >= gap
     assert not (np.abs(guessed) < 0.35 - gap).all(1).any()
-    inside = (np.abs(felt) < 0.3).all(1).sum() / 0.6**2
+    inside = len(felt) / 0.7**2
     outside = ((np.abs(guessed) > 0.4).any(1) & (np.abs(guessed) < 0.95).all(1)).sum() / (1.9**2 - 0.8**2)
     assert inside == pytest.approx(outside, rel=0.25)
 
