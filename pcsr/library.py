@@ -233,7 +233,7 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
         if apart > OFF * radius:
             warnings.warn(
                 f"touch {number} lies {apart:.4g} away from the nearest point of the cloud, which is {2 * radius:.4g} "
-                f"across: where the cloud has no points it changes little or nothing",
+                f"across: what it felt is taken for a part of the surface that the cloud does not show",
                 stacklevel=4,
             )
     return felt

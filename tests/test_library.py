@@ -96,9 +96,11 @@ def test_touches_in_another_unit_or_frame_are_refused_with_both_sizes(interpolat
         interpolation.upsample(cloud(), felt, rate=2)
 
 
-def test_a_touch_where_the_cloud_has_no_points_is_warned_of(interpolation):
+def test_a_touch_where_the_cloud_has_no_points_is_told_and_used(interpolation):
+    far = 0.1 * cloud() + [0, 0, 0.9]
     with pytest.warns(UserWarning, match=r"touch 1 lies 0\.\d+ away from the nearest point of the cloud"):
-        interpolation.upsample(cloud(), [0.1 * cloud(), 0.1 * cloud() + [0, 0, 0.9]], rate=2)
+        made = interpolation.upsample(cloud(), [0.1 * cloud(), far], rate=2)
+    assert (cKDTree(made).query(far)[0] == 0).any()
 
 
 @pytest.mark.parametrize("touch", [np.zeros((0, 3)), np.full((4, 3), np.nan)])

@@ -36,7 +36,7 @@ def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) 
     guessed = len(points) - touched
     gap = spacing(points[touched:] if guessed > 1 else points, count)
     felt = farthest_points(points[:touched], touched)
-    felt = felt[: max(_apart(points[felt], APART * gap), count - guessed)]
+    felt = felt[: max(first_apart(points[felt], APART * gap), count - guessed)]
     tree = cKDTree(points[:touched])
     clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=CLEAR * gap)[0]))
     if len(felt) + len(clear) < count:
@@ -46,7 +46,7 @@ def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) 
     return kept
 
 
-def _apart(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
+def first_apart(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
     """How many of the first points, each the farthest from those before it, are at least `gap` from each other."""
     low, high = 1, len(ordered)
     while low < high:

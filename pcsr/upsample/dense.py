@@ -14,6 +14,7 @@ from pcsr.errors import UserError
 from pcsr.geometry.patches import OwnFrame, patches
 from pcsr.upsample.candidates import Candidates, Cloud
 from pcsr.upsample.gaps import between, near, spread_out
+from pcsr.upsample.unseen import unseen
 
 FEWEST = 16
 """Points that a cloud must have."""
@@ -44,6 +45,7 @@ def densify(
 
     Patches are independent of each other: each chooses, among the candidates nearest to its core's points, those that
     fill the gaps best. Each core gets new points in proportion to its own, so the cloud's density keeps its pattern.
+    Where something was touched and the cloud has no points, some of the touched points are such as its own from there.
 
     Args:
         points: the cloud, in any frame and unit; finite.
@@ -55,7 +57,8 @@ def densify(
         advance: called after each patch, with the points of the cloud that are done and all of them.
 
     Returns:
-        The new points: `count` less the cloud's if these are kept. The order follows the cloud's shape.
+        The new points: `count` less the cloud's if these are kept. Touched points where the cloud had none come first,
+        then the order follows the cloud's shape.
 
     Raises:
         UserError: too few points, all of them on one spot, or a count that cannot be reached.
@@ -72,6 +75,11 @@ def densify(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
     made: list[Cloud] = []
+    felt = unseen(cloud, touches)[:new]
+    if len(felt):
+        cloud, n = np.concatenate([cloud, felt]), n + len(felt)
+        if keep:
+            made, new = [felt], new - len(felt)
     while new > source.rate * n:  # in as many passes as it takes
         # Equal steps, each as large as the source can go.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))

@@ -98,8 +98,8 @@ def test_touches_go_to_the_patches_that_they_meet():
             return super().__call__(points, touches)
 
     cloud = bowl(400)
-    far, here = np.full((9, 3), 50.0), cloud[:5] + 1e-3
-    densify(cloud, 800, Spy(size=64, rate=8), touches=[far, here])
+    low, *_, high = np.array_split(cloud[cloud[:, 0].argsort()] + 1e-3, 80)
+    densify(cloud, 800, Spy(size=64, rate=8), touches=[low, high])
     met = [len(touches) for _, touches in asked]
     assert 0 < sum(met) < len(met)
     assert max(met) == 1
@@ -109,6 +109,30 @@ def test_touches_go_to_the_patches_that_they_meet():
                 np.linalg.norm(touch - points.mean(0), axis=1).max()
                 <= np.linalg.norm(points - points.mean(0), axis=1).max()
             )
+
+
+def under(count, seed=0):
+    """What a finger feels on a side of the bowl that the cloud does not show."""
+    x, y = np.random.default_rng(seed).uniform(-0.3, 0.3, (2, count))
+    return np.column_stack([x, y, np.full(count, -1.0)])
+
+
+def test_a_side_that_only_a_finger_reached_is_filled_too():
+    cloud, felt = bowl(400), under(500)
+    new = densify(cloud, 1600, SMALL, touches=[felt])
+    assert len(new) == 1200
+    there = new[new[:, 2] < -0.9]
+    assert (cKDTree(felt).query(new)[0] == 0).sum() > 3, "touched points themselves, to the last digit"
+    assert cKDTree(there).query(felt)[0].max() < 0.15, "all that was felt is filled"
+    bowls, patch = (len(new) - len(there)) / 800, len(there) / (0.6 * 0.6 / 5.2 * 400 * 2)
+    assert patch == pytest.approx(bowls, rel=1.0), "and no denser than the rest, nor much sparser"
+    assert not ((new[:, 2] < -0.5) & (new[:, 2] > -0.95)).any(), "nothing is made between"
+
+
+@pytest.mark.parametrize("count", [401, 403, 64 * 400])
+@pytest.mark.parametrize("keep", [True, False])
+def test_with_touches_exactly_as_many_come_out_too(count, keep):
+    assert len(densify(bowl(400), count, SMALL, touches=[under(500)], keep=keep)) == count - 400 * keep
 
 
 def test_more_processes_give_the_same_points():

@@ -2,10 +2,10 @@
 
 Our own. Of the places that `shuffle` starts from there are twice as many as are wanted, and the host keeps those that
 are farthest from each other: how evenly the new points lie weighs as much in every metric as how near they are to the
-surface (docs/decisions.md). Each is moved along the normal there, in proportion to how rough its point's neighbourhood
-is: what is flat stays flat, and what is even stays even. What is read are lengths and angles, so one network
-serves every rate and every way that a cloud is turned. Before training it moves nothing: the network *is* the
-interpolation.
+surface (docs/decisions.md). Each is moved along the normal there, and goes its way less far where that leads off the
+surface, from one sheet of a thin limb to the other; both in proportion to how rough its point's neighbourhood is:
+what is flat stays flat, and what is even stays even. What is read are lengths and angles, so one network serves every
+rate and every way that a cloud is turned. Before training it moves nothing: the network *is* the interpolation.
 """
 
 import math
@@ -49,7 +49,7 @@ class Fan(Upsampler):
         self.there = nn.Linear(widths.refined, hidden, bias=False)
         self.edge = nn.Linear(SCALARS, hidden, bias=False)
         self.share = nn.Linear(2, hidden, bias=False)
-        last = nn.Linear(hidden, 1)
+        last = nn.Linear(hidden, 2)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.mlp = nn.Sequential(nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
@@ -69,7 +69,9 @@ class Fan(Upsampler):
             told = self.share(torch.tensor([share, share * share], dtype=points.dtype, device=points.device))
             # As a surface bends, so does its normal: around a thin limb the middle of a way is pushed aside, not up.
             normal = F.normalize(torch.lerp(up, theirs, share), dim=-1)
-            made.append(points.unsqueeze(2) + unit * (share * ways + rough * self.mlp(known + told) * normal))
+            height, reach = (rough * self.mlp(known + told)).split(1, dim=-1)
+            along = share * 2 * torch.sigmoid(reach)  # an untrained one goes all of its share
+            made.append(points.unsqueeze(2) + unit * (along * ways + height * normal))
         return torch.cat(made, dim=2).flatten(1, 2)
 
 

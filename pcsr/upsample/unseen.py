@@ -1,0 +1,48 @@
+"""Touched points where the cloud has none: a side that no camera saw, which a finger reached."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+
+from pcsr.geometry.anchoring import first_apart
+from pcsr.geometry.farthest import farthest_points
+from pcsr.upsample.gaps import REACH, spacing
+
+FIRST = 64
+"""So many points are tried first; four times as many, if all of them are far enough from each other, and so on."""
+
+Cloud = Float[np.ndarray, "_ 3"]
+
+
+def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
+    """Touched points that are new to the cloud, as far apart as its own are.
+
+    New is what lies farther from every point than new points may (`gaps.REACH`). A finger feels hundreds of points
+    where the cloud would have ten: all of them would weigh more than what was seen, and draw all new points to them.
+
+    Args:
+        points: the cloud, in any frame and unit.
+        touches: touched points in the same.
+
+    Returns:
+        Some of the touched points, exactly; the first are the farthest from each other. None, if the cloud has points
+        wherever something was touched.
+    """
+    if not touches:
+        return np.zeros((0, 3))
+    felt = np.unique(np.concatenate(touches), axis=0)
+    gap = spacing(points)
+    distance, nearest = cKDTree(points).query(felt)
+    new = distance > REACH * gap[nearest]
+    felt, nearest = felt[new], nearest[new]
+    if len(felt) == 0:
+        return felt
+    apart, count = float(np.median(gap[nearest])), FIRST
+    while True:  # a recording may hold a million points, of which a few hundred are kept
+        ordered: Cloud = felt[farthest_points(felt, min(count, len(felt)))]
+        kept = first_apart(ordered, apart)
+        if kept < len(ordered) or kept == len(felt):
+            return ordered[:kept]
+        count *= 4

@@ -1,0 +1,80 @@
+"""Touched points where the cloud has none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from pcsr.upsample import unseen as module
+from pcsr.upsample.gaps import REACH, spacing
+from pcsr.upsample.unseen import unseen
+
+
+def sheet(rng, count, x=0.0, height=0.0):
+    """Points of a square of side 1, from `x` on along the first axis."""
+    return np.column_stack([rng.uniform(0, 1, (count, 2)) + [x, 0], np.full(count, height)])
+
+
+def slow(points, touches):
+    """One after the other, the farthest from those before, until one is too near."""
+    gap, felt = spacing(points), np.unique(np.concatenate(touches), axis=0)
+    away = np.linalg.norm(felt[:, None] - points[None], axis=2)
+    nearest = away.argmin(1)
+    new = away.min(1) > REACH * gap[nearest]
+    felt, apart = felt[new], np.median(gap[nearest[new]])
+    kept = [int(np.linalg.norm(felt - felt.mean(0), axis=1).argmax())]
+    while True:
+        far = np.linalg.norm(felt[:, None] - felt[None, kept], axis=2).min(1)
+        if far.max() < apart:
+            return felt[kept]
+        kept.append(int(far.argmax()))
+
+
+@given(seed=st.integers(0, 999), count=st.integers(30, 300))
+@settings(max_examples=20)
+def test_they_are_those_of_the_slow_way(seed, count):
+    rng = np.random.default_rng(seed)
+    points, touches = sheet(rng, 100), [sheet(rng, count, 0.5), sheet(rng, count, 0, height=1.0)]
+    np.testing.assert_array_equal(unseen(points, touches), slow(points, touches))
+
+
+def test_where_the_cloud_has_points_none_are_new():
+    x, y = np.meshgrid(np.linspace(0, 1, 20), np.linspace(0, 1, 20))
+    lattice = np.column_stack([x.ravel(), y.ravel(), np.zeros(400)])
+    assert unseen(lattice, [sheet(np.random.default_rng(0), 200)]).shape == (0, 3)
+    assert unseen(lattice, []).shape == (0, 3)
+
+
+def test_they_are_as_far_apart_as_the_clouds_own_points():
+    rng = np.random.default_rng(0)
+    points = sheet(rng, 400)
+    kept = unseen(points, [sheet(rng, 5000, height=2.0)])
+    apart = cKDTree(kept).query(kept, k=2)[0][:, 1]
+    assert apart.min() >= np.median(spacing(points))
+    assert 100 < len(kept) < 400, "farthest points are more even than random ones, so fewer"
+
+
+def test_however_many_are_tried_at_once_they_are_the_same(monkeypatch):
+    rng = np.random.default_rng(0)
+    points, touches = sheet(rng, 400), [sheet(rng, 3000, height=2.0)]
+    kept = unseen(points, touches)
+    assert len(kept) > module.FIRST, "or nothing would be tried again"
+    monkeypatch.setattr(module, "FIRST", 10_000)
+    np.testing.assert_array_equal(unseen(points, touches), kept)
+
+
+def test_a_touch_of_few_points_gives_all_of_them():
+    points = sheet(np.random.default_rng(0), 400)
+    felt = np.array([[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]])
+    assert {tuple(p) for p in unseen(points, [felt[:1], felt[1:], felt])} == {tuple(p) for p in felt}
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_moving_turning_and_scaling_moves_them_alike(scale):
+    rng = np.random.default_rng(0)
+    points, felt = sheet(rng, 300), sheet(rng, 1000, height=1.5)
+    turn, shift = Rotation.random(random_state=1).as_matrix(), np.array([3.0, -2.0, 1.0])
+    there = unseen((points @ turn.T + shift) * scale, [(felt @ turn.T + shift) * scale])
+    np.testing.assert_allclose(there, (unseen(points, [felt]) @ turn.T + shift) * scale, rtol=1e-6, atol=1e-9 * scale)
