@@ -38,11 +38,12 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
     new = distance > REACH * gap[nearest]
     felt, nearest = felt[new], nearest[new]
     if len(felt) == 0:
-        return felt
+        return np.zeros((0, 3))
     apart, count = float(np.median(gap[nearest])), FIRST
     while True:  # a recording may hold a million points, of which a few hundred are kept
         ordered: Cloud = felt[farthest_points(felt, min(count, len(felt)))]
         kept = first_apart(ordered, apart)
         if kept < len(ordered) or kept == len(felt):
-            return ordered[:kept]
+            break
         count *= 4
+    return ordered[:kept]

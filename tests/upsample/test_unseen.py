@@ -14,7 +14,7 @@ from pcsr.upsample.unseen import unseen
 
 def sheet(rng, count, x=0.0, height=0.0):
     """Points of a square of side 1, from `x` on along the first axis."""
-    return np.column_stack([rng.uniform(0, 1, (count, 2)) + [x, 0], np.full(count, height)])
+    return np.column_stack([x + rng.uniform(0, 1, count), rng.uniform(0, 1, count), np.full(count, height)])
 
 
 def slow(points, touches):

@@ -28,11 +28,12 @@ AROUND = 8
 class Surface(Objective):
     """How well the truth is covered, and how far off its planes, and off all of it, the new points are."""
 
-    def __init__(self, *, surface: float = 10.0, stray: float = 10.0) -> None:
+    def __init__(self, *, surface: float = 2.0, stray: float = 10.0) -> None:
         """Choose what counts how much, beside a weight of 1 for the coverage.
 
         Args:
-            surface: of the squared distance to the plane.
+            surface: of the squared distance to the plane. The more, the nearer to the surface new points lie, and the
+                barer are thin limbs: a place that is between their sheets goes back to where it came from.
             stray: of the squared distance beyond the truth's spacing, the mean distance from a true point to the next.
                 It needs an evenly sampled truth: of another, places on the surface between true points far apart stray.
         """
