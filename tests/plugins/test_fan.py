@@ -1,4 +1,4 @@
-"""`fan`: places on the ways to points around each point, enough of them at any rate; what is learned moves them up."""
+"""`fan`: places on the ways to points around each point, enough of them at any rate; what is learned moves them up and back."""
 
 import pytest
 import torch
@@ -48,9 +48,9 @@ def slowly(fan, points, features, rate):
             for j, way in zip(near[around], ways[around], strict=True):
                 edge = slow_edge(frames[i], frames[j], way)
                 known = fan.here(features[i]) + fan.there(features[j]) + fan.edge(edge)
-                height = fan.mlp(known + fan.share(torch.tensor([share, share**2], dtype=points.dtype)))
+                height, reach = rough * fan.mlp(known + fan.share(torch.tensor([share, share**2], dtype=points.dtype)))
                 up = nn.functional.normalize((1 - share) * normal + share * frames[j][3], dim=0)
-                made.append(points[i] + unit * (share * way + height * rough * up))
+                made.append(points[i] + unit * (2 * share / (1 + torch.exp(-reach)) * way + height * up))
     return torch.stack(made)
 
 
@@ -135,7 +135,7 @@ def test_what_is_flat_stays_flat():
 @given(seed=st.integers(0, 1000), rate=st.integers(1, 9))
 @settings(max_examples=20)
 @torch.no_grad()
-def test_what_is_learned_moves_places_along_the_normal_between_both_ends_and_the_points_not_at_all(seed, rate):
+def test_what_is_learned_moves_places_along_way_and_normal_and_the_points_not_at_all(seed, rate):
     points, features = cloud(seed)
     fan = trained(seed)
     moved = (fan(points, features, rate) - untrained()(points, features, rate)).view(2, 30, -1, 3)
@@ -147,7 +147,20 @@ def test_what_is_learned_moves_places_along_the_normal_between_both_ends_and_the
     share = FARTHEST * torch.arange(1, 1 + moved.shape[2] // j.shape[2], dtype=points.dtype).view(-1, 1, 1)
     share = share * j.shape[2] / (moved.shape[2] - 1)
     normal = (1 - share) * frames.normal[:, :, None, None] + share * ends.unsqueeze(2)  # (2 30 rings spokes 3)
-    assert torch.linalg.cross(moved[:, :, 1:], normal.flatten(2, 3)).abs().max() < 1e-9
+    way = torch.stack([ways[columns] for ways, columns in zip(points, j, strict=True)]) - points.unsqueeze(2)
+    across = torch.linalg.cross(normal, way.unsqueeze(2).expand_as(normal))
+    assert (moved[:, :, 1:] * across.flatten(2, 3)).sum(-1).abs().max() < 1e-9
+
+
+@pytest.mark.parametrize(("learned", "share"), [(-1e3, 0.0), (0.0, 1.0), (1e3, 2.0)])
+@torch.no_grad()
+def test_a_place_goes_none_to_twice_of_its_share_of_the_way(learned, share):
+    points, features = cloud()
+    fan, plain = untrained(), untrained()(points, features, 4)
+    fan.mlp[-1].bias[1] = learned
+    origin = points.unsqueeze(2)
+    expected = origin + share * (plain.view(2, 30, -1, 3) - origin)
+    torch.testing.assert_close(fan(points, features, 4), expected.flatten(1, 2), atol=1e-9, rtol=0)
 
 
 @pytest.mark.parametrize("rate", [1, 4, 7])

@@ -16,8 +16,8 @@ from pcsr_plugins.objectives.surface import AROUND, Surface, planes
 from pcsr_plugins.upsamplers.fan import Fan
 from tests.plugins.slow_frames import rotation
 
-WEIGHT = 10.0
-"""Of `surface` and of `stray`, by default."""
+SURFACE, STRAY = 2.0, 10.0
+"""Their weights by default."""
 
 
 def sphere(seed=0, n=200, rows=1):
@@ -86,7 +86,7 @@ def test_what_is_beside_the_truth_is_in_its_plane_but_strays():
     assert apart.min() > 0.5
     assert losses["surface"] < 1e-8
     _, spacing = planes(target)
-    assert float(losses["stray"]) == pytest.approx(float(WEIGHT * (apart - spacing).square().mean()), rel=1e-4)
+    assert float(losses["stray"]) == pytest.approx(float(STRAY * (apart - spacing).square().mean()), rel=1e-4)
 
 
 def test_it_pulls_to_the_surface_and_never_along_it():
@@ -94,7 +94,7 @@ def test_it_pulls_to_the_surface_and_never_along_it():
     prediction = (inside + 0.01 * normal).requires_grad_()
     Surface()(prediction, target)["surface"].backward()
     up = prediction.grad @ normal
-    torch.testing.assert_close(up, torch.full_like(up, 2 * WEIGHT * 0.01 / 50), rtol=1e-3, atol=0)
+    torch.testing.assert_close(up, torch.full_like(up, 2 * SURFACE * 0.01 / 50), rtol=1e-3, atol=0)
     assert (prediction.grad - up.unsqueeze(-1) * normal).abs().max() < 1e-3 * up.max()
 
 
