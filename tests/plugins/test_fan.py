@@ -1,4 +1,4 @@
-"""`fan`: places on the ways to points around each point, enough of them at any rate; what is learned moves them up and back."""
+"""`fan`: places on the ways to points around each, enough at any rate; what is learned moves them up and back."""
 
 import pytest
 import torch
