@@ -19,6 +19,7 @@ from pcsr.checkpoint import load_weights, read_card, save_weights
 from pcsr.data.build import load_or_build
 from pcsr.data.built import Built
 from pcsr.data.dataset import Split
+from pcsr.data.loading import LOADERS
 from pcsr.data.plan import Plan
 from pcsr.data.workers import crew
 from pcsr.errors import UserError
@@ -46,7 +47,7 @@ class Place:
     devices: int = 1
     nodes: int = 1
     jobs: int | None = None
-    """Processes for data and metrics; all cores by default."""
+    """Processes for data and metrics, all cores by default; and for the batches of a GPU, two by default."""
     data: tuple[Path, ...] = ()
     """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
 
@@ -128,6 +129,7 @@ def _trained(
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
+        loaders=place.jobs or LOADERS,
     )
     training = _training(folder, fabric)
     if fabric.is_global_zero:

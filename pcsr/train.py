@@ -3,29 +3,27 @@
 On Lightning Fabric, so that several processes, nodes or GPUs and mixed precision go the same path as one CPU.
 """
 
-import json
 import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 from lightning_fabric import Fabric
 from torch import nn
-from torch.utils.data import DataLoader, Dataset
 
 from pcsr.checkpoint import load_training, save_training
 from pcsr.contracts import Objective
 from pcsr.data.batches import Batch, Batches
 from pcsr.data.dataset import Split
+from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import RunError, UserError
-from pcsr.files import write_text
+from pcsr.history import History
 from pcsr.metrics.chamfer import chamfer
 from pcsr.model import Network, build
 from pcsr.recipe import Recipe
@@ -74,7 +72,7 @@ def train(
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
-    loaders: int = 2,
+    loaders: int = LOADERS,
 ) -> Network:
     """Train a recipe's network, from the last checkpoint in `run` if there is one.
 
@@ -130,7 +128,8 @@ def train(
             save_training(checkpoint, model, optimizer, about)
 
     with _stoppable() as stop:
-        for batch in _prepared(batches, step, steps, fabric, loaders):
+        ahead = 0 if fabric.device.type == "cpu" else loaders
+        for batch in prepared(batches, range(step, steps), ahead, fabric.global_rank, fabric.world_size):
             rate = learning_rate(recipe, step // batches.per_epoch)
             losses = _step(wrapped, optimizer, fabric, batch, rate, recipe.network_rate)
             step += 1
@@ -170,34 +169,6 @@ def train(
                 saved = time.monotonic()
         save()
     return network.eval()
-
-
-def _prepared(batches: Batches, step: int, steps: int, fabric: Fabric, loaders: int) -> Iterable[Batch]:
-    """This process's share of each batch from `step` on, made ahead by `loaders` processes if there are any.
-
-    They have a thread each. A GPU is done with a batch before one process has made the next. Beside a CPU that trains
-    nothing is gained.
-    """
-    share = partial(batches.at, rank=fabric.global_rank, ranks=fabric.world_size)
-    if fabric.device.type == "cpu" or not loaders or step == steps:
-        return map(share, range(step, steps))
-    return DataLoader(
-        _Shares(share),
-        batch_size=None,
-        sampler=range(step, steps),
-        num_workers=loaders,
-        prefetch_factor=4,
-    )
-
-
-@dataclass(frozen=True)
-class _Shares(Dataset[Batch]):
-    """What a loader asks for an item."""
-
-    share: Callable[[int], Batch]
-
-    def __getitem__(self, step: int) -> Batch:
-        return self.share(step)
 
 
 def _step(model: Any, optimizer: Any, fabric: Fabric, batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
@@ -244,34 +215,6 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
         groups.append({"params": own, "pace": model.objective.pace})
     optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.rate)
     return optimizer
-
-
-class History:
-    """`metrics.jsonl`: a line a step, and one for each validation."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def add(self, line: dict[str, Any]) -> None:
-        """Append a line."""
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-        except OSError as error:
-            raise RunError(f"{self.path} could not be written: {error.strerror}; free some space, run again") from error
-
-    def cut(self, step: int) -> None:
-        """Forget what came after a step, since training goes on from there; a torn last line goes too."""
-        if not self.path.exists():
-            return
-        kept = []
-        for line in self.path.read_text(encoding="utf-8").splitlines():
-            try:
-                if json.loads(line)["step"] <= step:
-                    kept.append(line + "\n")
-            except ValueError:
-                break
-        write_text(self.path, "".join(kept))
 
 
 @contextmanager

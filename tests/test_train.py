@@ -14,13 +14,14 @@ from safetensors.torch import load_file
 from pcsr import Objective
 from pcsr.data.batches import Batches
 from pcsr.data.dataset import Split
+from pcsr.data.loading import prepared
 from pcsr.errors import RunError, UserError
 from pcsr.geometry.frames import UnitSphere
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
 from pcsr.registry import Entry
-from pcsr.train import CHECKPOINT, HISTORY, Progress, _prepared, learning_rate, train, validate
+from pcsr.train import CHECKPOINT, HISTORY, Progress, learning_rate, train, validate
 
 SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
 TINY = f"""\
@@ -257,69 +258,16 @@ def test_training_in_patches_stops_and_resumes_alike(tmp_path):
     assert whole.upsampler.rate == 2
 
 
-def on(kind: str, rank: int = 0, ranks: int = 1) -> Fabric:
-    """A Fabric that says it is on such a device, and one of so many processes."""
+def test_beside_a_cpu_that_trains_no_process_makes_batches(recipe, tmp_path, monkeypatch):
+    asked = []
 
-    class Said(Fabric):
-        device, global_rank, world_size = torch.device(kind), rank, ranks
+    def spy(batches, steps, loaders, *share):
+        asked.append(loaders)
+        return prepared(batches, steps, loaders, *share)
 
-    return Said(accelerator="cpu", devices=1)
-
-
-def some_batches() -> Batches:
-    return Batches(split(6, 1), 4, (0, 2), ("redraw", "even", "crop", "rotate", "scale", "jitter"), 3)
-
-
-@pytest.mark.parametrize(("rank", "ranks"), [(0, 1), (1, 2)])
-def test_batches_of_loader_processes_are_those_made_in_place_and_in_their_order(rank, ranks):
-    batches = some_batches()
-    loaded = list(_prepared(batches, 2, 11, on("cuda", rank, ranks), loaders=2))
-    assert len(loaded) == 9
-    for step, batch in enumerate(loaded, start=2):
-        own = batches.at(step, rank, ranks)
-        for name in ("points", "touches", "mask", "truth"):
-            assert torch.equal(getattr(batch, name), getattr(own, name)), (step, name)
-
-
-class Told(Batches):
-    """Says who made a batch, in the place of what it holds."""
-
-    def at(self, step, rank=0, ranks=1):
-        batch = super().at(step, rank, ranks)
-        object.__setattr__(batch, "truth", torch.tensor([os.getpid(), torch.get_num_threads()]))
-        return batch
-
-
-@pytest.mark.parametrize(("kind", "loaders", "others"), [("cuda", 2, 2), ("cuda", 0, 0), ("cpu", 2, 0)])
-def test_processes_make_batches_for_a_gpu_alone_with_a_thread_each(kind, loaders, others):
-    batches = Told(split(6, 1), 4, (0, 2), (), 3)
-    made = [tuple(batch.truth.tolist()) for batch in _prepared(batches, 0, 8, on(kind), loaders)]
-    makers = {maker for maker, _ in made}
-    assert len(makers - {os.getpid()}) == others
-    assert (os.getpid() in makers) == (not others)
-    if others:
-        assert {threads for _, threads in made} == {1}
-
-
-def test_loaders_work_where_processes_are_spawned_and_all_is_handed_over():
-    loader = _prepared(some_batches(), 0, 3, on("cuda"), loaders=1)
-    loader.multiprocessing_context = "spawn"
-    for step, batch in enumerate(loader):
-        assert torch.equal(batch.points, some_batches().at(step).points)
-
-
-@pytest.mark.parametrize("kind", ["cpu", "cuda"])
-def test_after_the_last_step_there_is_nothing_to_load(kind):
-    assert list(_prepared(some_batches(), 7, 7, on(kind), loaders=2)) == []
-
-
-def test_a_failing_loader_ends_the_training_and_says_why():
-    class Broken(Batches):
-        def at(self, step, rank=0, ranks=1):
-            raise UserError("no such object")
-
-    with pytest.raises(UserError, match="no such object"):
-        list(_prepared(Broken(split(6, 1), 4, (0, 2), (), 3), 0, 5, on("cuda"), loaders=1))
+    monkeypatch.setattr("pcsr.train.prepared", spy)
+    trained(recipe, tmp_path / "run", loaders=3)
+    assert asked == [0]
 
 
 @pytest.mark.parametrize(("sampling", "redrawn"), [("random", True), ("mixed", True), ("fps", False), ("view", False)])

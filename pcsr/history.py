@@ -1,0 +1,40 @@
+"""`metrics.jsonl` of a run: a line a step, and one for each validation."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pcsr.errors import RunError
+from pcsr.files import write_text
+
+
+class History:
+    """The lines, which only grow, but for those after a checkpoint that training goes on from."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Append a line.
+
+        Raises:
+            RunError: the disk is full, or the file must not be written.
+        """
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+        except OSError as error:
+            raise RunError(f"{self.path} could not be written: {error.strerror}; free some space, run again") from error
+
+    def cut(self, step: int) -> None:
+        """Forget what came after a step, since training goes on from there; a torn last line goes too."""
+        if not self.path.exists():
+            return
+        kept = []
+        for line in self.path.read_text(encoding="utf-8").splitlines():
+            try:
+                if json.loads(line)["step"] <= step:
+                    kept.append(line + "\n")
+            except ValueError:
+                break
+        write_text(self.path, "".join(kept))

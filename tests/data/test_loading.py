@@ -1,0 +1,77 @@
+"""Batches made by other processes are those made in place."""
+
+import os
+import signal
+
+import pytest
+import torch
+
+from pcsr.data.batches import Batches
+from pcsr.data.loading import prepared
+from pcsr.errors import UserError
+from tests.data.test_batches import ALL, batches, clouds, split
+
+
+class Told(Batches):
+    """Says who made a batch, in the place of what it holds."""
+
+    def at(self, step, rank=0, ranks=1):
+        batch = super().at(step, rank, ranks)
+        object.__setattr__(batch, "truth", torch.tensor([os.getpid(), os.getpgrp(), torch.get_num_threads()]))
+        return batch
+
+
+@pytest.mark.parametrize(("rank", "ranks"), [(0, 1), (1, 2)])
+@pytest.mark.parametrize("loaders", [0, 2])
+def test_batches_are_those_made_in_place_and_in_their_order(loaders, rank, ranks):
+    loaded = list(prepared(batches(*ALL), range(2, 11), loaders, rank, ranks))
+    assert len(loaded) == 9
+    for step, batch in enumerate(loaded, start=2):
+        for one, other in zip(clouds(batch), clouds(batches(*ALL).at(step, rank, ranks)), strict=True):
+            assert torch.equal(one, other), step
+
+
+def test_they_are_made_by_as_many_processes_with_a_thread_each():
+    made = [batch.truth.tolist() for batch in prepared(Told(split(), 4, (0, 2), (), 3), range(8), 2)]
+    assert len({maker for maker, _, _ in made} - {os.getpid()}) == 2
+    assert {threads for _, _, threads in made} == {1}
+
+
+def test_a_stop_of_the_process_group_leaves_the_loaders_alone_so_that_the_step_in_hand_ends():
+    """As Ctrl-C and a scheduler's polite kill do, which go to all of a group."""
+    heard = []
+    before = signal.signal(signal.SIGTERM, lambda *_: heard.append(True))
+    try:
+        ahead = iter(prepared(Told(split(), 4, (0, 2), (), 3), range(40), 2))
+        maker, group, _ = next(ahead).truth.tolist()
+        assert group == maker != os.getpgrp()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert heard
+        assert len(list(ahead)) == 39
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_no_process_is_started_where_none_is_asked_for():
+    assert {batch.truth[0].item() for batch in prepared(Told(split(), 4, (0, 2), (), 3), range(3), 0)} == {os.getpid()}
+
+
+def test_loaders_work_where_processes_are_spawned_and_all_is_handed_over():
+    loader = prepared(batches(*ALL), range(3), 1)
+    loader.multiprocessing_context = "spawn"
+    for step, batch in enumerate(loader):
+        assert torch.equal(batch.points, batches(*ALL).at(step).points)
+
+
+@pytest.mark.parametrize("loaders", [0, 2])
+def test_after_the_last_step_there_is_nothing_to_load(loaders):
+    assert list(prepared(batches(), range(7, 7), loaders)) == []
+
+
+def test_a_failing_loader_ends_the_training_and_says_why():
+    class Broken(Batches):
+        def at(self, step, rank=0, ranks=1):
+            raise UserError("no such object")
+
+    with pytest.raises(UserError, match="no such object"):
+        list(prepared(Broken(split(), 4, (0, 2), (), 3), range(5), 1))
