@@ -47,7 +47,7 @@ class _Shares(Dataset[Batch]):
         return self.share(step)
 
 
-def _apart(number: int) -> None:  # noqa: ARG001: torch hands it over
+def _apart(_number: int) -> None:
     """Ctrl-C and a scheduler's polite kill go to a whole process group; training ends its step, then its loaders."""
     if hasattr(os, "setpgid"):  # Windows has no process groups of this kind
         os.setpgid(0, 0)
