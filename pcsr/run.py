@@ -1,10 +1,9 @@
 """A recipe to a run folder: data, training, evaluation, results and report."""
 
-import datetime
 import json
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +22,14 @@ from pcsr.data.loading import LOADERS
 from pcsr.data.plan import Plan
 from pcsr.data.workers import crew
 from pcsr.errors import UserError
-from pcsr.evaluation import Scores, evaluate, methods
-from pcsr.files import save_tensors, write_text
-from pcsr.metrics import METRICS
+from pcsr.evaluation import evaluate, methods
+from pcsr.files import write_text
 from pcsr.model import Network
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
 from pcsr.registry import Registry
+from pcsr.results import gathered, save_examples
 from pcsr.train import CHECKPOINT, HISTORY, train
 
 WEIGHTS = "weights.safetensors"
@@ -80,8 +79,8 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
         scores = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
-    results = _results(recipe, test, scores, source)
-    _save_examples(folder / EXAMPLES, recipe, test, scores)
+    results = gathered(recipe, test, scores, source)
+    save_examples(folder / EXAMPLES, recipe, test, scores)
     write_text(folder / RESULTS, json.dumps(results, indent=1))
     report.write(folder)
     return results
@@ -199,65 +198,6 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
             return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))
 
     return plan.fingerprint, load
-
-
-def _results(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
-    data = recipe.data
-    return {
-        "name": recipe.name,
-        "fingerprint": recipe.fingerprint,
-        "seed": recipe.seed,
-        "version": pcsr.__version__,
-        "recipe": recipe.resolved(),
-        "data": {
-            "shapes": data.shapes.use,
-            "split": "test",
-            "points": data.points,
-            "truth": data.points * data.rate,
-            "rate": data.rate,
-            "touches": data.touches,
-            "sampling": data.sampling,
-            "seed": recipe.data_seed,
-            "normalisation": "compared in the frame in which the truth fills the unit sphere",
-            "object_size": data.touch.options.get("object_size"),
-            "coverage": split.coverage(data.touches),
-            "left_out": len(split.about["rejected"]),
-            "fingerprint": split.about["fingerprint"],
-        },
-        "metrics": {
-            name: {"description": METRICS[name].description, "scale": METRICS[name].scale}
-            for name in recipe.evaluate.metrics
-        },
-        "objects": split.names,
-        "groups": split.groups,
-        "methods": [
-            {
-                "name": s.method.name,
-                "parameters": s.method.parameters,
-                "seconds": s.seconds,
-                "values": s.values,
-            }
-            for s in scores
-        ],
-        "touch": None if scores[0].touch is None else asdict(scores[0].touch),
-        "training": source,
-        "hardware": {"cores": os.cpu_count(), "threads": torch.get_num_threads(), "torch": torch.__version__},
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
-
-
-def _save_examples(path: Path, recipe: Recipe, split: Split, scores: Sequence[Scores]) -> None:
-    """The clouds that the report shows: the objects with the most touched surface would flatter, so the first ones."""
-    chosen = range(min(recipe.evaluate.examples, len(split)))
-    tensors = {}
-    for k in chosen:
-        tensors[f"{k}/input"] = split.points[k]
-        tensors[f"{k}/truth"] = split.truth[k]
-        if recipe.data.touches:
-            tensors[f"{k}/touches"] = split.touches[k][: recipe.data.touches].flatten(0, 1)
-        for s in scores:
-            tensors[f"{k}/{s.method.name}"] = torch.from_numpy(s.dense[k]).float()
-    save_tensors(path, tensors, {"names": json.dumps([split.names[k] for k in chosen])})
 
 
 def _fabric(recipe: Recipe, place: Place) -> Fabric:

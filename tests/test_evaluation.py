@@ -14,7 +14,7 @@ from pcsr.metrics import METRICS
 from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
-from pcsr.run import _results
+from pcsr.results import gathered
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = [
@@ -97,7 +97,7 @@ def test_without_touches_there_is_no_second_time(registry, split):
     (scores,) = evaluate(recipe, registry, [Method("ours", 5, ours)], split, jobs=1)
     assert ours.touches == [[]] * 3
     assert scores.touch is None
-    assert _results(recipe, split, [scores], {})["touch"] is None
+    assert gathered(recipe, split, [scores], {})["touch"] is None
 
 
 def slowly_felt(truth, touches):
@@ -141,7 +141,7 @@ def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe
     assert all(a < b for a, b in zip(last.values["cd"], scores[0].values["cd"], strict=True))
     (again,) = evaluate(recipe, registry, compared[2:], split, jobs=1)
     np.testing.assert_array_equal(again.dense, last.dense)
-    assert list(_results(recipe, split, scores, {})["touch"]["errors"]) == [
+    assert list(gathered(recipe, split, scores, {})["touch"]["errors"]) == [
         "smoke",
         "smoke without touch",
         "midpoint",
