@@ -59,7 +59,7 @@ def test_all_numbers_are_there_and_nothing_that_json_does_not_know(registry, spl
     (method,) = made["methods"]
     assert method == {"name": "ours", "parameters": 5, "seconds": 0.5, "values": {"cd": [0.1, 0.2, 0.3]}}
     assert made["data"]["left_out"] == 1
-    assert made["data"]["coverage"] == 0.2, "of the two touches that are used"
+    assert made["data"]["coverage"] == pytest.approx(0.2), "of the two touches that are used"
     assert made["training"] == {"source": "trained by this run"}
     assert list(made["metrics"]) == ["cd"]
 
