@@ -1,0 +1,77 @@
+"""`Model.upsample`, as `pcsr upsample` uses it, on parts that one camera saw: what touches of the other side are worth.
+
+python benchmarks/hidden_side.py [MODEL…] [--touches 4]
+
+Parts, cameras and touches are those of recipes/touch/occlusion.yaml with policy `sparse`, the test split.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import pcsr
+from pcsr.contracts import Item
+from pcsr.data.sample import Sample, make_sample
+from pcsr.errors import PcsrError
+from pcsr.library import INTERPOLATION
+from pcsr.plugins import load_plugins
+from pcsr.recipe import load
+from pcsr.weights import DEFAULT
+
+RECIPE = Path(__file__).parents[1] / "recipes" / "touch" / "occlusion.yaml"
+
+
+def samples(touches: int, settings: Sequence[str]) -> list[Sample]:
+    """The test parts of the recipe's row of policy `sparse` and so many touches."""
+    registry = load_plugins()
+    (recipe,) = (
+        row
+        for row in load(RECIPE, registry, settings)
+        if (row.data.touch.options["policy"], row.data.touches) == ("sparse", touches)
+    )
+    shapes = recipe.data.shapes.build(registry, "shapes")
+    source = recipe.data.touch.build(registry, "touch")
+
+    def sample(item: Item) -> Sample:
+        return make_sample(item, source, recipe.data, recipe.data.touches, recipe.data_seed)
+
+    return [sample(shapes.item(name)) for name in track(shapes.names("test"), "parts", transient=True)]
+
+
+def errors(model: pcsr.Model, parts: Sequence[Sample], touches: int) -> np.ndarray:
+    """The Chamfer distance of each part, ×10³."""
+    found = []
+    for part in track(parts, f"{model.name}, {touches} touches", transient=True):
+        dense = model.upsample(part.points, list(part.touches[:touches]), count=len(part.truth))
+        found.append(1e3 * pcsr.evaluate(dense, part.truth, frame="none", metrics="cd")["cd"])
+    return np.array(found)
+
+
+@click.command()
+@click.argument("models", nargs=-1)
+@click.option("--touches", type=click.IntRange(1, 5), default=4, show_default=True)
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Change the recipe.")
+def main(models: Sequence[str], touches: int, settings: Sequence[str]) -> None:
+    """Print a row for each model: its error without touches, and with."""
+    console = Console()
+    try:
+        parts = samples(touches, settings)
+        table = Table("model", "cd ×10³ without touch", f"{touches} touches", "better", box=box.MARKDOWN)
+        for name in models or (DEFAULT, INTERPOLATION):
+            model = pcsr.load(name)
+            plain, touched = (errors(model, parts, count) for count in (0, touches))
+            spread = (f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" for values in (plain, touched))
+            table.add_row(f"`{name}`", *spread, f"{(touched < plain).sum()}/{len(parts)}")
+    except PcsrError as error:
+        raise click.ClickException(str(error)) from error
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()
