@@ -8,7 +8,7 @@ run: .venv/.installed
 	$(BIN)/pcsr run recipes/pretrained.yaml
 
 test: .venv/.installed
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
 
 check: .venv/.installed
 	$(BIN)/ruff check .
