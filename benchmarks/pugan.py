@@ -1,6 +1,6 @@
 """PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of docs/upsample.md).
 
-python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60]
+python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5]
 
 The file holds, for each shape, `input_512`, `input_2048` and `gt_8192` (independent Poisson-disk samples) and the mesh.
 Measured are the shipped weights, or the models that are named. Each is applied as in its own tables: to the whole cloud
@@ -158,14 +158,15 @@ def table(shapes: Sequence[Shape], compared: dict[str, Upsample], rate: int, tit
     show_default=True,
     help="Longest side of each shape for the touches, in mm.",
 )
-def main(file: Path, models: Sequence[str], touches: int, size: float) -> None:
+@click.option("--first", type=click.IntRange(1), help="Only so many of the shapes, as some peers were measured on.")
+def main(file: Path, models: Sequence[str], touches: int, size: float, first: int | None) -> None:
     """Print the tables of the shapes in FILE, for each MODEL (names, run folders, weights) or the shipped weights."""
     try:
         loaded = [pcsr.load(model) for model in models or weights.names()]
         every = read(file)
-        shapes = every
+        shapes = every[:first]
         if touches:
-            shapes = touched(every, load_plugins().get("touch", "digit")(object_size=size), touches)
+            shapes = touched(shapes, load_plugins().get("touch", "digit")(object_size=size), touches)
         for rate in INPUTS:
             title = f"{rate}x, {len(shapes)} of {len(every)} shapes, ×10³"
             found = table(shapes, methods(loaded, rate, touches), rate, title)

@@ -212,6 +212,8 @@ def test_without_touches_every_shape_counts_and_without_models_the_shipped_ones(
     assert result.exit_code == 0, result.output
     assert loaded == ["one", "another"]
     assert "16x, 3 of 3 shapes" in result.stdout
+    result = CliRunner().invoke(script.main, [str(file), "--first", "2"])
+    assert "16x, 2 of 3 shapes" in result.stdout
 
 
 @pytest.mark.parametrize(
