@@ -10,6 +10,8 @@ from pcsr.geometry.anchoring import first_apart
 from pcsr.geometry.farthest import farthest_points
 from pcsr.upsample.gaps import REACH, spacing
 
+EVEN = 0.85
+"""Random points of this spacing are about as many as even ones that keep so much of it from each other."""
 FIRST = 64
 """So many points are tried first; four times as many, if all of them are far enough from each other, and so on."""
 
@@ -17,7 +19,7 @@ Cloud = Float[np.ndarray, "_ 3"]
 
 
 def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
-    """Touched points that are new to the cloud, as far apart as its own are.
+    """Touched points that are new to the cloud, as dense as its own are in the median.
 
     New is what lies farther from every point than new points may (`gaps.REACH`). A finger feels hundreds of points
     where the cloud would have ten: all of them would weigh more than what was seen, and draw all new points to them.
@@ -33,13 +35,12 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
     if not touches:
         return np.zeros((0, 3))
     felt = np.unique(np.concatenate(touches), axis=0)
-    gap = spacing(points)
+    own = spacing(points)
     distance, nearest = cKDTree(points).query(felt)
-    new = distance > REACH * gap[nearest]
-    felt, nearest = felt[new], nearest[new]
+    felt = felt[distance > REACH * own[nearest]]
     if len(felt) == 0:
         return np.zeros((0, 3))
-    apart, count = float(np.median(gap[nearest])), FIRST
+    apart, count = EVEN * float(np.median(own)), FIRST  # the nearest are at a border, and sparser than the rest
     while True:  # a recording may hold a million points, of which a few hundred are kept
         ordered: Cloud = felt[farthest_points(felt, min(count, len(felt)))]
         kept = first_apart(ordered, apart)

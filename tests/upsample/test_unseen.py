@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pcsr.upsample import unseen as module
 from pcsr.upsample.gaps import REACH, spacing
-from pcsr.upsample.unseen import unseen
+from pcsr.upsample.unseen import EVEN, unseen
 
 
 def sheet(rng, count, x=0.0, height=0.0):
@@ -19,11 +19,9 @@ def sheet(rng, count, x=0.0, height=0.0):
 
 def slow(points, touches):
     """One after the other, the farthest from those before, until one is too near."""
-    gap, felt = spacing(points), np.unique(np.concatenate(touches), axis=0)
+    own, felt = spacing(points), np.unique(np.concatenate(touches), axis=0)
     away = np.linalg.norm(felt[:, None] - points[None], axis=2)
-    nearest = away.argmin(1)
-    new = away.min(1) > REACH * gap[nearest]
-    felt, apart = felt[new], np.median(gap[nearest[new]])
+    felt, apart = felt[away.min(1) > REACH * own[away.argmin(1)]], EVEN * np.median(own)
     kept = [int(np.linalg.norm(felt - felt.mean(0), axis=1).argmax())]
     while True:
         far = np.linalg.norm(felt[:, None] - felt[None, kept], axis=2).min(1)
@@ -47,13 +45,19 @@ def test_where_the_cloud_has_points_none_are_new():
     assert unseen(lattice, []).shape == (0, 3)
 
 
-def test_they_are_as_far_apart_as_the_clouds_own_points():
+@pytest.mark.parametrize("seed", range(3))
+def test_they_are_as_dense_as_the_clouds_own_points(seed):
+    rng = np.random.default_rng(seed)
+    points = sheet(rng, 1000)
+    kept = unseen(points, [sheet(rng, 20_000, height=2.0)])
+    assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() >= EVEN * np.median(spacing(points))
+    assert len(kept) == pytest.approx(1000, rel=0.1)
+
+
+def test_beside_a_cloud_that_ends_they_are_no_sparser():
     rng = np.random.default_rng(0)
-    points = sheet(rng, 400)
-    kept = unseen(points, [sheet(rng, 5000, height=2.0)])
-    apart = cKDTree(kept).query(kept, k=2)[0][:, 1]
-    assert apart.min() >= np.median(spacing(points))
-    assert 100 < len(kept) < 400, "farthest points are more even than random ones, so fewer"
+    above, beside = (unseen(sheet(rng, 1000), [sheet(rng, 20_000, *place)]) for place in ((0, 2.0), (1.0,)))
+    assert len(beside) == pytest.approx(len(above), rel=0.15)
 
 
 def test_however_many_are_tried_at_once_they_are_the_same(monkeypatch):
