@@ -1,6 +1,5 @@
 """pcsr from Python: load a model, upsample clouds of any kind and size."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial import cKDTree
 
 from pcsr import weights
 from pcsr.checkpoint import load_weights
@@ -28,8 +26,6 @@ INTERPOLATION = "midpoint"
 WEIGHTS = "weights.safetensors"
 FAR = 1.0
 """A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
-OFF = 0.1
-"""A touch is off the cloud if so many radii lie between it and the nearest point."""
 RATES = (1.1, 64.0)
 
 Touches = str | Path | Sequence[Any]
@@ -80,7 +76,7 @@ class Model:
             UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
 
         Warns:
-            UserWarning: a touch lies where the cloud has no points.
+            UserWarning: something was touched where the cloud has no points.
         """
         given = convert(points)
         new = self.new_points(
@@ -218,7 +214,6 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
         return []
     middle = cloud.mean(0)
     radius = float(np.linalg.norm(cloud - middle, axis=1).max())
-    tree = cKDTree(cloud)
     for number, touch in enumerate(felt):
         if len(touch) == 0 or not np.isfinite(touch).all():
             raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
@@ -228,12 +223,5 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
             raise UserError(
                 f"touch {number} is {2 * own:.4g} across and lies {max(away, 0.0):.4g} away from the cloud, which is "
                 f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
-            )
-        apart = float(tree.query(touch)[0].min())
-        if apart > OFF * radius:
-            warnings.warn(
-                f"touch {number} lies {apart:.4g} away from the nearest point of the cloud, which is {2 * radius:.4g} "
-                f"across: what it felt is taken for a part of the surface that the cloud does not show",
-                stacklevel=4,
             )
     return felt

@@ -14,6 +14,7 @@ FLOORS = {
     "pcsr.library": 5,
     "pcsr.measure": 2,
     "pcsr.export": 5,
+    "pcsr.results": 5,
     "pcsr.train": 4,
     "pcsr.evaluation": 4,
     "pcsr.upsample": 4,
@@ -28,6 +29,7 @@ FLOORS = {
     "pcsr.plugins": 1,
     "pcsr.hookspecs": 1,
     "pcsr.contracts": 1,
+    "pcsr.history": 1,
     "pcsr.metrics": 1,
     "pcsr.clouds": 1,
     "pcsr.weights": 1,
@@ -51,6 +53,7 @@ SAME_FLOOR = {
     ("pcsr.evaluation", "pcsr.upsample"),
     ("pcsr.train", "pcsr.upsample"),
     ("pcsr.run", "pcsr.report"),
+    ("pcsr.run", "pcsr.results"),
     ("pcsr.testing", "pcsr.model"),
 }
 PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts", "pcsr.recorded")

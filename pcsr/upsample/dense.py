@@ -2,12 +2,14 @@
 
 import functools
 import math
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
 from pcsr.data.workers import Crew
 from pcsr.errors import UserError
@@ -18,6 +20,8 @@ from pcsr.upsample.unseen import unseen
 
 FEWEST = 16
 """Points that a cloud must have."""
+GAP = 2.0
+"""A touch is in a gap of the cloud, which is no news, if it is no farther away than so many mean distances there."""
 ALONE = Crew(None, 1)
 
 
@@ -45,7 +49,7 @@ def densify(
 
     Patches are independent of each other: each chooses, among the candidates nearest to its core's points, those that
     fill the gaps best. Each core gets new points in proportion to its own, so the cloud's density keeps its pattern.
-    Where something was touched and the cloud has no points, some of the touched points are such as its own from there.
+    Where the cloud has no points but something was touched, a few touched points are treated as points of the cloud.
 
     Args:
         points: the cloud, in any frame and unit; finite.
@@ -62,6 +66,9 @@ def densify(
 
     Raises:
         UserError: too few points, all of them on one spot, or a count that cannot be reached.
+
+    Warns:
+        UserWarning: something was touched where the cloud has no points.
     """
     cloud = np.asarray(points, np.float64)
     n = len(cloud)
@@ -75,11 +82,11 @@ def densify(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
     made: list[Cloud] = []
-    felt = unseen(cloud, touches)[:new]
+    felt = unseen(cloud, touches)
     if len(felt):
-        cloud, n = np.concatenate([cloud, felt]), n + len(felt)
-        if keep:
-            made, new = [felt], new - len(felt)
+        _say(cloud, felt, new)
+        made = [felt[:new]]
+        cloud, n, new = np.concatenate([cloud, felt]), n + len(felt), new - len(made[0])
     while new > source.rate * n:  # in as many passes as it takes
         # Equal steps, each as large as the source can go.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
@@ -90,6 +97,21 @@ def densify(
         cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
     made.append(_one_pass(cloud, new, source, touches, keep, crew, advance))
     return np.concatenate(made) if len(made) > 1 else made[0]
+
+
+def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
+    """What is taken for unseen may be seen, and the arm be wrong: nothing but the distance tells."""
+    tree = cKDTree(cloud)
+    distance, nearest = tree.query(felt)
+    spacing = tree.query(cloud[nearest], k=FEWEST)[0].mean(1)
+    if new >= len(felt) and (distance <= GAP * spacing).all():
+        return
+    more = f"; only {new} of them fit into the count, so ask for more points" if new < len(felt) else ""
+    warnings.warn(
+        f"{len(felt)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
+        f"surface that it does not show: if it does show it there, these touches are misplaced{more}",
+        stacklevel=5,
+    )
 
 
 def _one_pass(

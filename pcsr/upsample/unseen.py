@@ -11,7 +11,7 @@ from pcsr.geometry.farthest import farthest_points
 from pcsr.upsample.gaps import REACH, spacing
 
 EVEN = 0.85
-"""Random points of this spacing are about as many as even ones that keep so much of it from each other."""
+"""Even points that keep so much of a spacing from each other are about as dense as random ones of that spacing."""
 FIRST = 64
 """So many points are tried first; four times as many, if all of them are far enough from each other, and so on."""
 
@@ -35,8 +35,9 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
     if not touches:
         return np.zeros((0, 3))
     felt = np.unique(np.concatenate(touches), axis=0)
-    own = spacing(points)
-    distance, nearest = cKDTree(points).query(felt)
+    seen = np.unique(points, axis=0)  # beside a copy of itself no point has a spacing
+    own = spacing(seen)
+    distance, nearest = cKDTree(seen).query(felt)
     felt = felt[distance > REACH * own[nearest]]
     if len(felt) == 0:
         return np.zeros((0, 3))

@@ -11,6 +11,7 @@ from pcsr import UserError
 from pcsr.data.workers import crew
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
+from pcsr.upsample.unseen import unseen
 
 SMALL = Midpoints(size=32, rate=8)
 
@@ -117,22 +118,39 @@ def under(count, seed=0):
     return np.column_stack([x, y, np.full(count, -1.0)])
 
 
-def test_a_side_that_only_a_finger_reached_is_filled_too():
+UNSEEN = "touched points, up to .* away from the cloud, are taken for a part of the surface that it does not show"
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_side_that_only_a_finger_reached_is_filled_too(keep):
     cloud, felt = bowl(400), under(500)
-    new = densify(cloud, 1600, SMALL, touches=[felt])
-    assert len(new) == 1200
+    with pytest.warns(UserWarning, match=UNSEEN):
+        new = densify(cloud, 1600, SMALL, touches=[felt], keep=keep)
+    assert len(new) == 1600 - 400 * keep
     there = new[new[:, 2] < -0.9]
-    assert (cKDTree(felt).query(new)[0] == 0).sum() > 3, "touched points themselves, to the last digit"
+    touched = unseen(cloud, [felt])
+    np.testing.assert_array_equal(new[: len(touched)], touched)  # themselves, and first
     assert cKDTree(there).query(felt)[0].max() < 0.15, "all that was felt is filled"
-    bowls, patch = (len(new) - len(there)) / 800, len(there) / (0.6 * 0.6 / 5.2 * 400 * 2)
-    assert patch == pytest.approx(bowls, rel=1.0), "and no denser than the rest, nor much sparser"
+    density = len(there) / 0.36 / ((len(new) - len(there)) / 5.2)
+    assert 0.5 < density < 2, "and about as dense as the rest"
     assert not ((new[:, 2] < -0.5) & (new[:, 2] > -0.95)).any(), "nothing is made between"
 
 
 @pytest.mark.parametrize("count", [401, 403, 64 * 400])
 @pytest.mark.parametrize("keep", [True, False])
+@pytest.mark.filterwarnings("ignore:.*touched points")
 def test_with_touches_exactly_as_many_come_out_too(count, keep):
     assert len(densify(bowl(400), count, SMALL, touches=[under(500)], keep=keep)) == count - 400 * keep
+
+
+def test_touched_points_that_do_not_fit_into_the_count_are_said():
+    with pytest.warns(UserWarning, match="only 3 of them fit into the count, so ask for more points"):
+        densify(bowl(400), 403, SMALL, touches=[under(500)])
+
+
+def test_touches_where_the_cloud_has_points_are_no_news():
+    cloud = bowl(400)
+    densify(cloud, 500, SMALL, touches=[cloud[:30] + 1e-3])  # a warning would be an error
 
 
 def test_more_processes_give_the_same_points():

@@ -69,6 +69,12 @@ def test_however_many_are_tried_at_once_they_are_the_same(monkeypatch):
     np.testing.assert_array_equal(unseen(points, touches), kept)
 
 
+def test_a_cloud_that_holds_its_points_several_times_is_as_good_as_once():
+    rng = np.random.default_rng(0)
+    points, touches = sheet(rng, 300), [sheet(rng, 500, height=1.0), sheet(rng, 100, height=1e-6)]
+    np.testing.assert_array_equal(unseen(np.tile(points, (8, 1)), touches), unseen(points, touches))
+
+
 def test_a_touch_of_few_points_gives_all_of_them():
     points = sheet(np.random.default_rng(0), 400)
     felt = np.array([[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]])
