@@ -18,7 +18,7 @@ from rich.table import Table
 import pcsr
 from pcsr.contracts import Item
 from pcsr.data.sample import Sample, make_sample
-from pcsr.errors import PcsrError
+from pcsr.errors import PcsrError, UserError
 from pcsr.library import INTERPOLATION
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
@@ -30,11 +30,10 @@ RECIPE = Path(__file__).parents[1] / "recipes" / "touch" / "occlusion.yaml"
 def samples(touches: int, settings: Sequence[str]) -> list[Sample]:
     """The test parts of the recipe's row of policy `sparse` and so many touches."""
     registry = load_plugins()
-    (recipe,) = (
-        row
-        for row in load(RECIPE, registry, settings)
-        if (row.data.touch.options["policy"], row.data.touches) == ("sparse", touches)
-    )
+    rows = [row for row in load(RECIPE, registry, settings) if row.data.touches == touches]
+    recipe = next((row for row in rows if row.data.touch.options["policy"] == "sparse"), None)
+    if recipe is None:
+        raise UserError("--set leaves no row of policy 'sparse': the other side is where the cloud is sparse")
     shapes = recipe.data.shapes.build(registry, "shapes")
     source = recipe.data.touch.build(registry, "touch")
 

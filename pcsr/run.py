@@ -46,7 +46,7 @@ class Place:
     devices: int = 1
     nodes: int = 1
     jobs: int | None = None
-    """Processes for data and metrics, all cores by default; and for the batches of a GPU, two by default."""
+    """Processes for data and metrics, all cores by default; and for the batches of all GPUs, two each by default."""
     data: tuple[Path, ...] = ()
     """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
 
@@ -128,22 +128,23 @@ def _trained(
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
-        loaders=place.jobs or LOADERS,
+        loaders=max(1, place.jobs // fabric.world_size) if place.jobs else LOADERS,
     )
+    if not fabric.is_global_zero:  # the history is the first process's, who may not be done with it
+        return network, {}
     training = _training(folder, fabric)
-    if fabric.is_global_zero:
-        card: dict[str, Any] = {
-            "name": recipe.name,
-            "fingerprint": recipe.fingerprint,
-            "data_fingerprint": fingerprint,
-            "recipe": recipe.resolved(),
-            "version": pcsr.__version__,
-            "training": training,
-        }
-        if place.data:
-            card["data"] = Built.read(place.data).card()
-        save_weights(folder / WEIGHTS, network, card, registry)
-        (folder / CHECKPOINT).unlink()
+    card: dict[str, Any] = {
+        "name": recipe.name,
+        "fingerprint": recipe.fingerprint,
+        "data_fingerprint": fingerprint,
+        "recipe": recipe.resolved(),
+        "version": pcsr.__version__,
+        "training": training,
+    }
+    if place.data:
+        card["data"] = Built.read(place.data).card()
+    save_weights(folder / WEIGHTS, network, card, registry)
+    (folder / CHECKPOINT).unlink()
     return network, {**training, "source": "trained by this run"}
 
 

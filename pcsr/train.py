@@ -161,7 +161,7 @@ def train(
                         }
                     )
                 shown(Progress(step, steps, total, seconds))
-            if stop.is_set():
+            if _anybody(stop.is_set(), fabric):
                 save()
                 raise KeyboardInterrupt
             if time.monotonic() - saved > checkpoint_every:
@@ -215,6 +215,14 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
         groups.append({"params": own, "pace": model.objective.pace})
     optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.rate)
     return optimizer
+
+
+def _anybody(stopped: bool, fabric: Fabric) -> bool:
+    """Whether any process was told to stop: all do, after the same step, or some would wait for the others."""
+    if fabric.world_size == 1:
+        return stopped
+    told = fabric.all_reduce(torch.tensor(float(stopped), device=fabric.device), reduce_op="sum")
+    return bool(told > 0)  # type: ignore[operator]
 
 
 @contextmanager

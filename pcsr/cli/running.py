@@ -45,7 +45,10 @@ _OPTIONS = (
         help="Machines, as torchrun or SLURM started them.",
     ),
     click.option(
-        "--jobs", type=click.IntRange(1), default=None, help="Processes for data and metrics.  [default: all cores]"
+        "--jobs",
+        type=click.IntRange(1),
+        default=None,
+        help="Processes for data, metrics and a GPU's batches.  [default: all cores]",
     ),
     click.option(
         "--data",

@@ -28,8 +28,12 @@ def test_there_is_a_row_for_each_model():
     assert [line.split("|")[1].strip() for line in done.stdout.splitlines() if "/2" in line] == ["`midpoint`"]
 
 
-def test_a_mistake_in_the_recipe_is_one_line():
-    done = CliRunner().invoke(script.main, ["--set", "data.point=3"])
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [("data.point=3", "data.point"), ("data.touch.policy=uniform", "leaves no row of policy 'sparse'")],
+)
+def test_a_mistake_in_the_recipe_is_one_line(setting, said):
+    done = CliRunner().invoke(script.main, ["--set", setting])
     assert done.exit_code == 1
-    assert "data.point" in done.output
+    assert said in done.output
     assert "Traceback" not in done.output

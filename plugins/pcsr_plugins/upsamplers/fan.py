@@ -1,9 +1,9 @@
 """Places on the ways from each point to those around it, moved along the normal, and thinned to be even.
 
-Our own. Of the places that `shuffle` starts from there are twice as many as are wanted, and the host keeps those that
-are farthest from each other: how evenly the new points lie weighs as much in every metric as how near they are to the
-surface (docs/decisions.md). Each is moved along the normal there, and goes its way less far where that leads off the
-surface, from one sheet of a thin limb to the other; both in proportion to how rough its point's neighbourhood is:
+Our own. There are twice as many places as are wanted, and the host keeps those that are farthest from each other: how
+evenly the new points lie weighs as much in every metric as how near they are to the surface (docs/decisions.md). Each
+is moved along the normal there, and goes its way less far, or up to twice as far: less where that leads off the
+surface, from one sheet of a thin limb to the other. Both are in proportion to how rough its point's neighbourhood is:
 what is flat stays flat, and what is even stays even. What is read are lengths and angles, so one network serves every
 rate and every way that a cloud is turned. Before training it moves nothing: the network *is* the interpolation.
 """
@@ -22,7 +22,7 @@ from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.frames import SCALARS, Frames
 
 FARTHEST = 0.45
-"""The share of the way to a neighbour at which the outermost places lie: its own are on the other side of half."""
+"""The share of the way at which the outermost places of an untrained one lie: the neighbour's are beyond half."""
 
 
 class Fan(Upsampler):
