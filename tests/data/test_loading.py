@@ -59,7 +59,9 @@ def test_no_process_is_started_where_none_is_asked_for():
 def test_loaders_work_where_processes_are_spawned_and_all_is_handed_over():
     loader = prepared(batches(*ALL), range(3), 1)
     loader.multiprocessing_context = "spawn"
-    for step, batch in enumerate(loader):
+    made = list(loader)
+    assert len(made) == 3
+    for step, batch in enumerate(made):
         assert torch.equal(batch.points, batches(*ALL).at(step).points)
 
 
