@@ -15,9 +15,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.clouds.formats import read_points
 from pcsr.geometry.patches import cells
-from pcsr.library import INTERPOLATION
 from pcsr.upsample.candidates import Midpoints
-from pcsr.weights import DEFAULT
 
 LOOKED_AT = 20_000
 """Points at which the density is measured."""
@@ -53,7 +51,7 @@ if __name__ == "__main__":
     table = Table("scan", "points", "model", "seconds", "new points a second", "peak MB", "density at seams")
     for path in map(Path, sys.argv[1:]):
         points = read_points(path)
-        for model in (DEFAULT, INTERPOLATION):
+        for model in ("tapsr", "midpoint"):
             with tempfile.TemporaryDirectory() as folder:
                 out = Path(folder) / "dense.npy"
                 command = ["pcsr.cli", "upsample", str(path), "-o", str(out), "--model", model, "--bad", "drop"]

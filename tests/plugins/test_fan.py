@@ -70,7 +70,7 @@ def test_untrained_places_are_on_the_near_half_of_the_ways_to_neighbours(seed, n
     share = share.gather(-1, which.unsqueeze(-1)).view(n, -1, spokes)  # ring by ring
     steps = torch.arange(1, share.shape[1] + 1, dtype=share.dtype) / share.shape[1]
     torch.testing.assert_close(share, (FARTHEST * steps).view(1, -1, 1).expand_as(share), atol=1e-9, rtol=0)
-    assert share.max() < 0.5, "beyond half of the way lie the neighbour's own places"
+    assert share.max() <= 0.45 + 1e-9, "beyond half of the way lie the neighbour's own places"
 
 
 @given(seed=st.integers(0, 1000), n=st.integers(2, 30), rate=st.integers(1, 12), dimensions=st.sampled_from([1, 2, 3]))
