@@ -13,13 +13,13 @@ from pcsr import weights
 from pcsr.checkpoint import load_weights
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
-from pcsr.data.workers import crew
 from pcsr.errors import UserError, did_you_mean
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
+from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
 """The name of what needs no weights."""
@@ -112,9 +112,9 @@ class Model:
             )
         wanted = _count(len(cloud), rate, count)
         felt = _felt(touches, cloud)
-        with crew(jobs, scheduler) as workers:
+        with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
-            return densify(cloud, wanted, source, touches=felt, keep=keep, crew=workers, advance=advance)
+            return densify(cloud, wanted, source, touches=felt, keep=keep, pool=workers, advance=advance)
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:

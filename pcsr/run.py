@@ -20,7 +20,6 @@ from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS
 from pcsr.data.plan import Plan
-from pcsr.data.workers import crew
 from pcsr.errors import UserError
 from pcsr.evaluation import evaluate, methods
 from pcsr.files import write_text
@@ -31,6 +30,7 @@ from pcsr.recipe.pretrained import check_weights
 from pcsr.registry import Registry
 from pcsr.results import gathered, save_examples
 from pcsr.train import CHECKPOINT, HISTORY, train
+from pcsr.workers import worker_pool
 
 WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
@@ -195,7 +195,7 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
         names = plan.split(split)
         task = progress.add_task(f"building the {split} data", total=len(names))
         folder = place.runs / "data" / plan.fingerprint[:12]
-        with crew(place.jobs) as workers:
+        with worker_pool(place.jobs) as workers:
             return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))
 
     return plan.fingerprint, load

@@ -37,11 +37,13 @@ FLOORS = {
     "pcsr.tensors": 0,
     "pcsr.files": 0,
     "pcsr.progress": 0,
+    "pcsr.workers": 0,
     "pcsr.errors": 0,
 }
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.
     ("pcsr.files", "pcsr.errors"),
+    ("pcsr.workers", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.tensors"),
     ("pcsr.plugins", "pcsr.registry"),

@@ -52,14 +52,14 @@ def make(
     from pcsr.data.build import build_split
     from pcsr.data.plan import Plan
     from pcsr.data.shards import read_manifest
-    from pcsr.data.workers import crew
     from pcsr.progress import progress_bars
+    from pcsr.workers import worker_pool
 
     console = Console()
     plan = Plan.of(_recipe(shapes, overrides, registry), registry)
     for split, reason in plan.empty.items():
         console.print(f"no {split} data: {reason}", style="yellow", markup=False, soft_wrap=True)
-    with progress_bars(console, hidden=False) as progress, crew(jobs, scheduler) as workers:
+    with progress_bars(console, hidden=False) as progress, worker_pool(jobs, scheduler) as workers:
         for split, names in plan.names.items():
             task = progress.add_task(f"building the {split} data", total=len(names))
             build_split(plan, split, folder, workers, functools.partial(progress.advance, task))

@@ -12,15 +12,16 @@ import numpy as np
 
 import pcsr
 from pcsr.data.dataset import Split
+from pcsr.data.jobs import results
 from pcsr.data.plan import FORMAT, Plan
 from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, shard_path, write_manifest, write_shard
-from pcsr.data.workers import Crew, results
 from pcsr.errors import UserError
 from pcsr.files import sha256
+from pcsr.workers import WorkerPool
 
 
 def load_or_build(
-    plan: Plan, split: str, folder: Path, crew: Crew, advance: Callable[[int], None] = lambda count: None
+    plan: Plan, split: str, folder: Path, pool: WorkerPool, advance: Callable[[int], None] = lambda count: None
 ) -> Split:
     """A split from `folder`, where it is built first as far as it isn't there yet.
 
@@ -28,20 +29,20 @@ def load_or_build(
         plan: what the data is.
         split: "train", "validation" or "test".
         folder: of this data and no other.
-        crew: who builds.
+        pool: who builds.
         advance: called with the number of objects that were just finished, or found finished.
 
     Raises:
         UserError: the folder holds other data, the split is empty, or no object of it could be used.
     """
-    build_split(plan, split, folder, crew, advance)
+    build_split(plan, split, folder, pool, advance)
     return Split.load(folder, split)
 
 
 def build_split(
-    plan: Plan, split: str, folder: Path, crew: Crew, advance: Callable[[int], None] = lambda count: None
+    plan: Plan, split: str, folder: Path, pool: WorkerPool, advance: Callable[[int], None] = lambda count: None
 ) -> None:
-    """Build what is missing of a split. The bytes depend neither on the crew nor on stops in between.
+    """Build what is missing of a split. The bytes depend neither on the pool nor on stops in between.
 
     Raises:
         UserError: the folder holds other data, the split is empty, or touches of different sizes.
@@ -62,7 +63,7 @@ def build_split(
         else:
             missing.append(number)
     # All that is missing is one stream of work, so that no process waits at the end of a shard.
-    stream = results(plan, [name for number in missing for name in shards[number]], crew)
+    stream = results(plan, [name for number in missing for name in shards[number]], pool)
     for number in missing:
         made = []
         for _ in shards[number]:

@@ -11,18 +11,18 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from pcsr.data.workers import Crew
 from pcsr.errors import UserError
 from pcsr.geometry.patches import OwnFrame, patches
 from pcsr.upsample.candidates import Candidates, Cloud
 from pcsr.upsample.gaps import between, near, spread_out
 from pcsr.upsample.unseen import unseen
+from pcsr.workers import WorkerPool
 
 FEWEST = 16
 """Points that a cloud must have."""
 GAP = 2.0
 """A touch is in a gap of the cloud, which is no news, if it is no farther away than so many mean distances there."""
-ALONE = Crew(None, 1)
+ALONE = WorkerPool(None, 1)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def densify(
     *,
     touches: Sequence[Cloud] = (),
     keep: bool = True,
-    crew: Crew = ALONE,
+    pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Float[np.ndarray, "new 3"]:
     """The points that make a cloud one of `count`.
@@ -57,7 +57,7 @@ def densify(
         source: where candidates come from.
         touches: touched points in the frame and unit of `points`.
         keep: whether the old points are among the `count`.
-        crew: who works on the patches.
+        pool: who works on the patches.
         advance: called after each patch, with the points of the cloud that are done and all of them.
 
     Returns:
@@ -91,11 +91,11 @@ def densify(
         # Equal steps, each as large as the source can go.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
         step = round(n * (new / n + 1) ** (1 / passes)) - n
-        added = _one_pass(cloud, step, source, touches, True, crew, advance)
+        added = _one_pass(cloud, step, source, touches, True, pool, advance)
         if keep:
             made.append(added)
         cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
-    made.append(_one_pass(cloud, new, source, touches, keep, crew, advance))
+    made.append(_one_pass(cloud, new, source, touches, keep, pool, advance))
     return np.concatenate(made) if len(made) > 1 else made[0]
 
 
@@ -120,14 +120,14 @@ def _one_pass(
     source: Candidates,
     touches: Sequence[Cloud],
     keep: bool,
-    crew: Crew,
+    pool: WorkerPool,
     advance: Callable[[int, int], None],
 ) -> Cloud:
     done = at = 0
     made = np.zeros((new, 3))
     work = functools.partial(_fill, source, keep)
     cores: deque[int] = deque()
-    for filled in crew.map(work, _tasks(cloud, new, source, touches, cores)):
+    for filled in pool.map(work, _tasks(cloud, new, source, touches, cores)):
         made[at : at + len(filled)] = filled
         at += len(filled)
         done += cores.popleft()

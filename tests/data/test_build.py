@@ -16,9 +16,9 @@ from pcsr.data.build import build_split, load_or_build
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.data.shards import MANIFEST, read_manifest, shard_path
-from pcsr.data.workers import Crew, crew
+from pcsr.workers import WorkerPool, worker_pool
 
-ALONE = Crew(None, 1)
+ALONE = WorkerPool(None, 1)
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +94,7 @@ def test_two_processes_make_the_same_bytes_as_one(recipe, registry, tmp_path):
     plan = Plan.of(recipe("count=12", "held_out=2", bad=[5]), registry)
     for split in ("train", "test"):
         build_split(plan, split, tmp_path / "one", ALONE)
-    with crew(2) as two:
+    with worker_pool(2) as two:
         for split in ("train", "test"):
             build_split(plan, split, tmp_path / "two", two)
     assert files(tmp_path / "one") == files(tmp_path / "two")

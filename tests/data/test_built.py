@@ -12,7 +12,7 @@ from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.data.shards import MANIFEST, read_manifest, write_manifest
-from pcsr.data.workers import crew
+from pcsr.workers import worker_pool
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def folders(tmp_path_factory, registry, world):
         plan = Plan.of(recipe, registry)
         if (plan.fingerprint, splits) not in made:
             made[plan.fingerprint, splits] = folder = tmp_path_factory.mktemp("data")
-            with crew(1) as workers:
+            with worker_pool(1) as workers:
                 for split in splits or plan.names:
                     build_split(plan, split, folder, workers)
         return made[plan.fingerprint, splits]

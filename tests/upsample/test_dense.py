@@ -8,10 +8,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
-from pcsr.data.workers import crew
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
 from pcsr.upsample.unseen import unseen
+from pcsr.workers import worker_pool
 
 SMALL = Midpoints(size=32, rate=8)
 
@@ -155,8 +155,8 @@ def test_touches_where_the_cloud_has_points_are_no_news():
 
 def test_more_processes_give_the_same_points():
     cloud = bowl(600)
-    with crew(2) as two:
-        other = densify(cloud, 2000, SMALL, crew=two)
+    with worker_pool(2) as two:
+        other = densify(cloud, 2000, SMALL, pool=two)
     np.testing.assert_array_equal(densify(cloud, 2000, SMALL), other)
 
 
@@ -194,7 +194,7 @@ def test_a_cluster_gives_the_same_points():
     cloud = bowl(300)
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster,
-        crew(scheduler=cluster.scheduler_address) as workers,
+        worker_pool(scheduler=cluster.scheduler_address) as workers,
     ):
-        other = densify(cloud, 900, SMALL, crew=workers)
+        other = densify(cloud, 900, SMALL, pool=workers)
     np.testing.assert_array_equal(densify(cloud, 900, SMALL), other)
