@@ -13,6 +13,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 settings.register_profile("pcsr", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("pcsr")
 
+
+def pytest_report_header():
+    """The instruction set that torch computes by: the Makefile's PROCESSOR, or the best that there is."""
+    import torch
+
+    return f"torch {torch.__version__} computes by {torch.backends.cpu.get_cpu_capability()}"
+
+
 WORLD = """
 import os
 import numpy as np
