@@ -1,6 +1,7 @@
 """What pydantic finds wrong with a value, in one clause: what it must be, and what it is."""
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 LONGEST = 80
@@ -23,6 +24,12 @@ def shown(value: Any) -> str:
         return _shortened(repr(value))
     except (ValueError, RecursionError, MemoryError):
         return f"a {type(value).__name__}"
+
+
+def shown_path(path: Path) -> str:
+    """A path as it is; of one that no file can have, too long or with a control character, its beginning."""
+    text = str(path)
+    return text if text.isprintable() and len(text) < 4096 and len(path.name) < 256 else shown(text)
 
 
 def explained(errors: Sequence[Mapping[str, Any]]) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError
-from pcsr.mistakes import shown
+from pcsr.mistakes import shown, shown_path
 from pcsr.recipe.schema import DEFAULTS, NAME
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
 
@@ -84,7 +84,7 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
             raise RecipeError([Mistake(study.place(item), text)])
         target = path.parent / changes["use"]
         if not os.path.isfile(target):  # a name that no file can have is no error to this one
-            text = f"there is no recipe {_named(target)}: it is relative to this file"
+            text = f"there is no recipe {shown_path(target)}: it is relative to this file"
             raise RecipeError([Mistake(study.place(item), text)])
         single = _with_parents(target, ())
         if "recipes" in single.data:
@@ -111,7 +111,7 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     target = path.parent / parent
     line = (*children, path.resolve())
     if not os.path.isfile(target):  # a name that no file can have is no error to this one
-        text = f"there is no recipe {_named(target)}: extends is relative to this file"
+        text = f"there is no recipe {shown_path(target)}: extends is relative to this file"
         raise RecipeError([Mistake(place, text)])
     if target.resolve() in line:
         raise RecipeError([Mistake(place, f"'{parent}' extends this recipe in turn: break the circle")])
@@ -119,12 +119,6 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
         text = f"more than {MOST_PARENTS} recipes extend each other in a row: extend one that stands further up"
         raise RecipeError([Mistake(place, text)])
     return merge(_with_parents(target, line), source)
-
-
-def _named(path: Path) -> str:
-    """A path in a message; of one that no system has, its beginning."""
-    text = str(path)
-    return text if text.isprintable() and len(text) < 256 else shown(text)
 
 
 def spell_out(source: Source) -> Source:

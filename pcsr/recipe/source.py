@@ -17,7 +17,7 @@ from pcsr.mistakes import shown
 
 Keys = tuple[str | int, ...]
 """The way to a value: ("model", "encoder", "channels")."""
-MOST_BYTES = 1 << 20
+MOST_BYTES = 1 << 18
 """Size of a recipe file; those of pcsr have up to 3,000 bytes."""
 MOST_VALUES = 10_000
 """Values of a recipe file, those that its aliases repeat included."""
@@ -217,7 +217,10 @@ class _Plain:
             if _kind(key_node) == "merge":
                 merged += value.value if isinstance(value, SequenceNode) else [value]
                 continue
-            key = str(self.scalar(key_node, _kind(key_node), keys))  # of what is none: "None"
+            if not isinstance(key_node, ScalarNode):
+                self.wrong(keys, "a key is a name: write lists and mappings behind the colon")
+                continue
+            key = str(self.scalar(key_node, _kind(key_node), keys))
             if key in known:
                 text = f"{shown(key)} is written twice: remove one of the two"
                 self.source.mistakes.append(Mistake(self.at(key_node), text))
@@ -236,11 +239,9 @@ class _Plain:
                         known.add(key)
                         yield key, value, None
 
-    def scalar(self, node: Node, kind: str, keys: Keys) -> Any:
+    def scalar(self, node: ScalarNode, kind: str, keys: Keys) -> Any:
         """The value of a node that is no list and no mapping."""
-        text = node.value
-        if not isinstance(node, ScalarNode):
-            return self.wrong(keys, "a key is a name: write lists and mappings behind the colon")
+        text = str(node.value)
         if kind == "str":
             return text
         if kind == "null":
