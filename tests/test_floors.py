@@ -39,6 +39,7 @@ FLOORS = {
     "pcsr.progress": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.mistakes": 0,
 }
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.

@@ -86,6 +86,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pydantic import ValidationError
 
+    from pcsr.mistakes import explained
     from pcsr.recipe.schema import options_model
     from pcsr.recipe.source import Place, scalar
 
@@ -106,7 +107,8 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:
         mistakes = error.errors() if isinstance(error, ValidationError) else []
-        wrong = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in mistakes if one["type"] != "missing"]
+        given_wrong = [one for one in mistakes if one["type"] != "missing"]
+        wrong = [f"{'.'.join(map(str, one['loc']))}: {explained([one])}" for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
         return given  # what is missing the check `builds` tells

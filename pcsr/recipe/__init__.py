@@ -8,7 +8,7 @@ from pcsr.recipe.check import check
 from pcsr.recipe.compose import compose, lay_over
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
-from pcsr.recipe.source import Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import MOST_TOLD, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
 __all__ = [
@@ -44,12 +44,15 @@ def load(
         RecipeError: every mistake in it, with file, line and column.
         UserError: a file that can't be read.
     """
-    recipes, mistakes = [], []
+    recipes = []
+    mistakes: set[Mistake] = set()
     for source in compose(path, overrides, axes or {}):
         try:
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
-            mistakes += error.mistakes
+            mistakes.update(error.mistakes)
+            if len(mistakes) > MOST_TOLD:  # a mistake of the file is found in each run of its matrix
+                break
     if mistakes:
         raise RecipeError(mistakes)
     return recipes

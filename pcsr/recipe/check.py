@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import explained, shown
 from pcsr.recipe.compose import PARTS, merge
 from pcsr.recipe.schema import DEFAULTS, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
@@ -99,19 +100,24 @@ def _mistakes(
 
 def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
     kind = ones[0]["type"]
-    path = ".".join(map(str, (*head, *keys)))
+    path = ".".join((*head, *map(_key, keys)))
     if kind == "extra_forbidden":
-        owner = " ".join([*head, *(str(k) for k in keys[:-1])]) or "a recipe"
+        owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
         if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
             return Mistake(locate(keys, True), f"'{keys[-1]}' is read before this: write it at the top of the file")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
-        return Mistake(locate(keys, True), f"{owner} takes no '{keys[-1]}': {remedy}")
+        return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":
         return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
     if kind == "model_type":
-        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {ones[0]['input']!r}")
-    said = " or ".join(dict.fromkeys(one["msg"][0].lower() + one["msg"][1:] for one in ones))
-    return Mistake(locate(keys, False), f"{path}: {said}, got {ones[0]['input']!r}")
+        got = shown(ones[0]["input"])
+        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {got}")
+    return Mistake(locate(keys, False), f"{path}: {explained(ones)}")
+
+
+def _key(key: int | str) -> str:
+    """A key in a message, shortened where it is long."""
+    return shown(key)[1:-1] if isinstance(key, str) else str(key)
 
 
 def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:

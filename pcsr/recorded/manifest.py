@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import explained
 
 Model = TypeVar("Model", bound=BaseModel)
 UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
@@ -219,10 +220,7 @@ def _mistake(one: Any, model: type[BaseModel], place: str) -> str:
         return f"{path}: no such key here: {did_you_mean(str(keys[-1]), _fields(model, one['loc']))}"
     if one["type"] == "missing":
         return f"{path} is missing: add it"
-    said = one["msg"].removeprefix("Value error, ")
-    said = said[0].lower() + said[1:]
-    got = "" if isinstance(one["input"], dict) else f", got {one['input']!r}"
-    return f"{path}: {said}{got}"
+    return f"{path}: {explained([one])}"
 
 
 def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:

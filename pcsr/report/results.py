@@ -14,6 +14,7 @@ from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
 from pcsr.metrics.touch_effect import efficiency
+from pcsr.mistakes import explained
 
 Cloud = Float[np.ndarray, "_ 3"]
 BOUND = "floor"
@@ -153,7 +154,8 @@ def parse_results(data: dict[str, Any], source: str = "the results") -> Results:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise UserError(f"{source}: {f'{place}: ' if place else ''}{first['msg']}; do `pcsr run` again") from error
+        where = f"{place}: " if place else ""
+        raise UserError(f"{source}: {where}{explained([first])}; do `pcsr run` again") from error
 
 
 def read_results(path: Path) -> Results:

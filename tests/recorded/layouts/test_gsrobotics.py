@@ -98,5 +98,5 @@ def test_what_nobody_can_guess_must_be_said(tmp_path, key):
 
 
 def test_a_mistake_in_a_pose_is_named_with_its_number(tmp_path):
-    with pytest.raises(UserError, match=r"layout\.poses\.4\.order: input should be 'xyzw' or 'wxyz', got 'xyz'"):
+    with pytest.raises(UserError, match=r"layout\.poses\.4\.order: it must be 'xyzw' or 'wxyz', got 'xyz'"):
         say(tmp_path, poses={"4": STILL | {"order": "xyz"}})
