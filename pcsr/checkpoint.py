@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.model import Network, build
-from pcsr.recipe import Recipe, from_resolved
+from pcsr.recipe import MODEL, Recipe, check_card
 from pcsr.recipe.compose import PARTS
+from pcsr.recipe.source import Keys
 from pcsr.registry import Entry, Registry
 from pcsr.weights.file import read_file
 
@@ -87,10 +88,10 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
     return parts
 
 
-def _used(recipe: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Kind and name of each part that a recipe names, each once, whatever else is wrong with it."""
+def _used(recipe: Mapping[str, Any], places: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
+    """Kind and name of each part that a recipe names at these places, each once, whatever else is wrong with it."""
     used = []
-    for (section, place), kind in PARTS.items():
+    for (section, place), kind in ((keys, kind) for keys, kind in PARTS.items() if keys in places):
         inner = recipe.get(str(section))
         part = inner.get(place) if isinstance(inner, dict) else None
         if isinstance(part, dict) and isinstance(part.get("use"), str):
@@ -114,6 +115,9 @@ def read_card(path: Path) -> dict[str, Any]:
 
 def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:
     """A network ready for use (in `eval` mode), its recipe and its card.
+
+    Of the recipe only the parts of the network must be installed. Those of the data and the training are as the card
+    says.
 
     Raises:
         UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
@@ -139,7 +143,7 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
 def _build(path: Path, recipe: dict[str, Any], card: dict[str, Any], registry: Registry) -> tuple[Network, Recipe]:
     """The network of the recipe in a card."""
     try:
-        checked = from_resolved(recipe, registry)
+        checked = check_card(recipe, registry, "recipe in the weights")
         return build(checked, registry), checked
     except Exception as error:  # nobody knows what parts make of options that were not meant for them
         said = "; ".join(str(error).splitlines()) or type(error).__name__
@@ -158,13 +162,13 @@ def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
-    """Name the parts that are not here, and what brings them.
+    """Name the parts of the network that are not here, and what brings them.
 
     Raises:
         UserError: at least one is not here.
     """
     known = {(part["kind"], part["name"]): part for part in _parts(card)}
-    missing = [part for part in _used(card["recipe"]) if part not in registry.entries]
+    missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
     if missing:
         needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
         raise UserError(f"the weights {path} need {needed}")
