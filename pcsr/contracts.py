@@ -15,16 +15,18 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-import trimesh
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+
+if TYPE_CHECKING:
+    import trimesh  # which takes ray caster and solid modeller with it, and networks need none
 
 
 class Trait(StrEnum):
@@ -216,7 +218,7 @@ class Item:
     """Unique within its `Shapes`, and the same on every machine."""
     group: str
     """Objects of one group are variants of each other: a family, a product line, a source file."""
-    mesh: trimesh.Trimesh
+    mesh: "trimesh.Trimesh"
 
 
 class Shapes(Part):

@@ -31,6 +31,8 @@ PARTS: dict[Keys, str] = {
     ("train", "objective"): "objective",
 }
 """Where a part is named, and of which kind; a bare name is short for `{use: name}` there."""
+DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
+"""The parts that building data needs, and those of the network, which are all that inference needs."""
 
 
 def compose(
