@@ -91,6 +91,8 @@ class Part:
     """Raise it when the same options come to give something else: data and weights made before are then stale."""
     places: ClassVar[frozenset[str]] = frozenset()
     """Options that say where files lie, not what is in them: data sets are the same wherever they are built."""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    """Packages that the part imports only when it works, as Python names them; pcsr looks for them before it begins."""
 
 
 class Encoder(nn.Module, Part):

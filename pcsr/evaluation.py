@@ -67,6 +67,11 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
     return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.beside)]
 
 
+def needs_meshes(recipe: Recipe) -> bool:
+    """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
+    return "floor" in recipe.evaluate.beside or any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
+
+
 def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
     """The true surface sampled once more: the error that is left to an upsampler which knows the surface.
 
@@ -165,8 +170,7 @@ class _Task:
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
-    needed = any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
-    if not needed and all(method.upsample for method in compared):
+    if not needs_meshes(recipe) and all(method.upsample for method in compared):
         return [None] * len(split)
     shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)

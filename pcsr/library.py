@@ -14,6 +14,7 @@ from pcsr.checkpoint import load_weights
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
+from pcsr.extras import imported
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
@@ -172,14 +173,9 @@ def _found(name: str) -> Path:
 
 
 def _from_hub(name: str) -> Path:
+    hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
     try:
-        from huggingface_hub import hf_hub_download
-    except ImportError as error:
-        raise UserError(
-            f"model '{name}' is no file here; if it is on the hub: pip install 'pcsr[hub]' fetches it"
-        ) from error
-    try:
-        return Path(hf_hub_download(name, WEIGHTS))
+        return Path(hub.hf_hub_download(name, WEIGHTS))
     except Exception as error:  # whatever the network and the hub may say
         raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
 

@@ -10,6 +10,7 @@ from pcsr.clouds.convert import convert
 from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, Mesh
+from pcsr.metrics.emd import check_sizes
 
 
 def evaluate(
@@ -23,7 +24,8 @@ def evaluate(
         mesh: the true surface (trimesh, or vertices and faces), for the metrics that need it.
         frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
             cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
-        metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size.
+        metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size, which
+            above 1024 points takes the extra `[train]`.
 
     Raises:
         UserError: an unknown name or frame, or a metric that cannot be measured.
@@ -35,9 +37,9 @@ def evaluate(
     metrics = [metrics] if isinstance(metrics, str) else metrics
     surface = _surface(mesh)
     if metrics is None:
-        sizes = len(clouds[0]) == len(clouds[1])
+        left_out = {"emd"} if why_no_emd(*map(len, clouds)) else set()
         metrics = [
-            name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and (sizes or name != "emd")
+            name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and name not in left_out
         ]
     spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [UnitSphere(np.zeros(3), 1.0)] * 2
     tensors = [
@@ -57,6 +59,20 @@ def evaluate(
         else:
             values[name] = metric(tensors[0], tensors[1], surface)
     return values
+
+
+def why_no_emd(prediction: int, truth: int) -> str:
+    """Why `evaluate` leaves the earth mover's distance out by default; empty where it is measured.
+
+    Args:
+        prediction: how many points the cloud has.
+        truth: how many the true one has.
+    """
+    try:
+        check_sizes(prediction, truth)
+    except UserError as error:
+        return str(error)
+    return ""
 
 
 def _surface(mesh: Any) -> Mesh | None:

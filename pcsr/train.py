@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
-from lightning_fabric import Fabric
 from torch import nn
 
 from pcsr.checkpoint import load_training, save_training
@@ -29,6 +28,9 @@ from pcsr.model import Network, build
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.upsample import upsample_as
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 CHECKPOINT = "checkpoint.safetensors"
 HISTORY = "metrics.jsonl"
@@ -68,7 +70,7 @@ def train(
     data: Split,
     validation: Split,
     run: Path,
-    fabric: Fabric,
+    fabric: "Fabric",
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
@@ -171,7 +173,7 @@ def train(
     return network.eval()
 
 
-def _step(model: Any, optimizer: Any, fabric: Fabric, batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
+def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
     """One step of all processes together; the losses are those of the whole batch."""
     for group in optimizer.param_groups:
         group["lr"] = rate * group["pace"]
@@ -217,7 +219,7 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     return optimizer
 
 
-def _anybody(stopped: bool, fabric: Fabric) -> bool:
+def _anybody(stopped: bool, fabric: "Fabric") -> bool:
     """Whether any process was told to stop: all do, after the same step, or some would wait for the others."""
     if fabric.world_size == 1:
         return stopped

@@ -235,7 +235,7 @@ def test_interpolation_and_folders_are_refused(tiny, tmp_path):
 @pytest.mark.parametrize("package", ["onnx", "onnxscript"])
 def test_a_missing_extra_is_named(tiny, tmp_path, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(UserError, match=rf"needs the package {package}: pip install 'pcsr\[onnx\]'"):
+    with pytest.raises(UserError, match=rf"needs {package}, which is not installed: pip install 'pcsr\[onnx\]'"):
         export_onnx(tiny, tmp_path / "model.onnx")
 
 

@@ -41,12 +41,16 @@ FLOORS = {
     "pcsr.workers": 0,
     "pcsr.errors": 0,
     "pcsr.mistakes": 0,
+    "pcsr.extras": 0,
 }
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.
     ("pcsr.files", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
+    ("pcsr.workers", "pcsr.extras"),
+    ("pcsr.extras", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.errors"),
+    ("pcsr.geometry", "pcsr.extras"),
     ("pcsr.geometry", "pcsr.tensors"),
     ("pcsr.plugins", "pcsr.registry"),
     ("pcsr.plugins", "pcsr.hookspecs"),
@@ -62,7 +66,15 @@ SAME_FLOOR = {
     ("pcsr.run", "pcsr.results"),
     ("pcsr.testing", "pcsr.model"),
 }
-PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts", "pcsr.recorded")
+PUBLIC = (
+    "pcsr.geometry",
+    "pcsr.metrics",
+    "pcsr.tensors",
+    "pcsr.errors",
+    "pcsr.extras",
+    "pcsr.contracts",
+    "pcsr.recorded",
+)
 """What a plugin may import besides the names of `pcsr` itself."""
 
 

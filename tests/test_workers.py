@@ -50,7 +50,7 @@ def test_a_process_that_dies_is_one_line():
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(UserError, match=r"needs Dask: pip install 'pcsr\[cluster\]'"),
+        pytest.raises(UserError, match=r"needs distributed, which is not installed: pip install 'pcsr\[cluster\]'"),
         worker_pool(scheduler="tcp://x:1"),
     ):
         pass

@@ -84,8 +84,10 @@ def info(folder: Path, picture: Path | None, name: str | None) -> None:
     from rich.console import Console
 
     from pcsr.data.shards import check_sums, read_manifest
+    from pcsr.extras import require
     from pcsr.report.data_page import write_data_page
 
+    require({"plotly": "the page of pictures"})
     console = Console()
     manifest = read_manifest(folder)
     _print(console, folder, manifest)

@@ -39,7 +39,10 @@ def check(
     NAME is a part's, or a plugin's for all of its parts. Every check prints a line; a failure says what was found, what
     is expected and what to do.
     """
+    from pcsr.extras import require
+
     entries = _found(name, kind, registry)
+    require({package: user for entry in entries for package, user in _needs(entry).items()})
     hosts: dict[str, dict[str, Any]] = {
         "touch": {} if mesh is None else {"item": _item(mesh)},
         "objective": {} if upsampler is None else {"upsampler": registry.get("upsampler", upsampler)},
@@ -74,6 +77,15 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     known = {entry.name for entry in registry if kind in (None, entry.kind)}
     failed = "".join(f"; {why(registry, failure.owner)}" for failure in registry.failures)
     raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}{failed}")
+
+
+def _needs(entry: "Entry") -> dict[str, str]:
+    """The packages that a part needs; none of one that cannot be loaded, of which a check will tell."""
+    try:
+        part: Any = entry.load()
+    except UserError:
+        return {}
+    return dict.fromkeys(sorted(part.needs), f"{entry.kind} '{entry.name}'")
 
 
 def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:

@@ -33,6 +33,10 @@ class PartSpec(Section):
         """An instance of the part; `host` is what the host hands in, such as `Widths`."""
         return registry.get(kind, self.use)(*host, **self.options)
 
+    def needs(self, registry: Registry, kind: str) -> dict[str, str]:
+        """The packages that the part needs, and its name, as `pcsr.extras.require` takes them."""
+        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
+
 
 class View(Section):
     """The simulated depth camera of `sampling: view`."""

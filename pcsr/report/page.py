@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from pcsr.extras import imported
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.curves import group_chart, touch_chart, training_charts
 from pcsr.report.results import Example, Results, TouchResult
@@ -48,6 +49,16 @@ def render(
     )
     drawn = {"examples": [views(example) for example in examples], "charts": charts}
     return shell(f"{results.name}: results", body, drawn, plotly=plotly)
+
+
+def plotly_source() -> str:
+    """The source of plotly.js.
+
+    Raises:
+        UserError: the extra `[report]` is not installed.
+    """
+    source: str = imported("plotly.offline", "the report").get_plotlyjs()
+    return source
 
 
 def shell(title: str, body: str, drawn: dict[str, Any] | None = None, *, plotly: str = "") -> str:

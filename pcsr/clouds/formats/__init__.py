@@ -119,6 +119,8 @@ def writable(path: Path) -> None:
     _by_suffix(path.suffix, CLOUD_WRITERS, str(path))
     if path.suffix.lower() in (".las", ".laz"):
         las.check_installed(compressed=path.suffix.lower() == ".laz")
+    if path.suffix.lower() == ".pcd":
+        pcd.check_installed()
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:

@@ -10,7 +10,10 @@ from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import NORMALS, native, spread, unused
 from pcsr.clouds.formats.digits import words
 from pcsr.errors import UserError
+from pcsr.extras import imported, require
 
+USER = "the format PCD"
+"""What needs pypcd4, in a message to who hasn't got it."""
 PADDING = "#$%&~~"
 """What pypcd4 calls fields that only fill up space."""
 HEADER = 1 << 16
@@ -23,14 +26,13 @@ def read(data: bytes) -> Cloud:
     """All fields. `rgb` and `rgba` become red, green, blue (and alpha), `normal_x` becomes nx.
 
     Raises:
-        UserError: a coordinate is missing, or the file is cut off.
+        UserError: a coordinate is missing, the file is cut off, or the extra `[pcd]` is not installed.
     """
-    from pypcd4.pypcd4 import PointCloud
-
+    pypcd4 = imported("pypcd4.pypcd4", USER)
     counts = re.search(rb"^COUNT\s+([\d \t]+)", data[:HEADER], re.MULTILINE)
     if counts and sum(map(int, counts[1].split())) > WIDEST:
         raise UserError(f"its COUNT is {counts[1].decode().strip()[:80]}: {WIDEST} numbers for each point are the most")
-    cloud = PointCloud.from_fileobj(BytesIO(data))  # type: ignore[arg-type]
+    cloud = pypcd4.PointCloud.from_fileobj(BytesIO(data))
     meta = cloud.metadata
     missing = [name for name in "xyz" if name not in cloud.fields]
     if missing:
@@ -61,6 +63,15 @@ def read(data: bytes) -> Cloud:
     return Cloud(points, columns, {"pcd": about})
 
 
+def check_installed() -> None:
+    """Check that pypcd4 is there.
+
+    Raises:
+        UserError: it is not; the message names the extra.
+    """
+    require({"pypcd4": USER})
+
+
 def _unpacked(packed: np.ndarray) -> np.ndarray:
     """Red, green, blue and alpha: the four bytes of a number, the lowest last."""
     bits = packed.view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
@@ -72,9 +83,11 @@ def write(cloud: Cloud) -> bytes:
 
     Coordinates are floats where they were floats and still are, else doubles. The points are in one row: an
     image of points is one no longer.
-    """
-    from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
+    Raises:
+        UserError: a column that the format cannot hold, or the extra `[pcd]` is not installed.
+    """
+    pypcd4 = imported("pypcd4.pypcd4", USER)
     about = cloud.about.get("pcd", {})
     encoding = about.get("encoding", "binary")
     with np.errstate(over="ignore"):
@@ -83,7 +96,7 @@ def write(cloud: Cloud) -> bytes:
     fields = dict(zip("xyz", points.T, strict=True))
     fields |= _packed(_named(cloud.columns), about.get("packed", ["", "f4"]))
     fields = {name: _storable(name, column) for name, column in fields.items()}
-    meta = MetaData.model_validate(
+    meta = pypcd4.MetaData.model_validate(
         {
             "fields": list(fields),
             "size": [column.dtype.itemsize for column in fields.values()],
@@ -100,10 +113,10 @@ def write(cloud: Cloud) -> bytes:
         table[name] = part
     file = BytesIO()
     if encoding == "ascii":
-        file.write(meta.compose_header(data=Encoding.ASCII).encode())
+        file.write(meta.compose_header(data=pypcd4.Encoding.ASCII).encode())
         file.writelines((" ".join(row) + "\n").encode() for row in zip(*map(words, flat), strict=True))
     else:
-        PointCloud(meta, table).save(file, Encoding(encoding))
+        pypcd4.PointCloud(meta, table).save(file, pypcd4.Encoding(encoding))
     return file.getvalue()
 
 

@@ -40,6 +40,7 @@ class PuGan(Objective):
     """Trains a network and its discriminator in one step; `fidelity: chamfer` for clouds too large to be matched."""
 
     pace: ClassVar[float] = 0.1
+    needs = frozenset({"ot"})
 
     def __init__(
         self,

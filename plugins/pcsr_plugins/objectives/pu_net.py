@@ -19,6 +19,8 @@ from pcsr_plugins.objectives.terms import matched_distance, repulsion
 class PUNetLoss(Objective):
     """Fidelity and repulsion. Matching is slow in whole clouds: `fidelity: chamfer` is for those."""
 
+    needs = frozenset({"ot"})
+
     def __init__(
         self,
         *,

@@ -31,6 +31,8 @@ class Digit(TouchSource):
     object: the sensor looks along -z.
     """
 
+    needs = frozenset({"embreex"})
+
     def __init__(
         self,
         *,
