@@ -22,7 +22,8 @@ from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.upsample import upsample_as
+from pcsr.threads import deserved, threads
+from pcsr.upsample import points_at_once, upsample_as
 
 Cloud = Float[np.ndarray, "n 3"]
 
@@ -46,12 +47,16 @@ class Scores:
 
     method: Method
     seconds: float
-    """Mean wall time for a cloud."""
+    """Median wall time for a cloud."""
     values: dict[str, list[float]]
     """Metric by name, one value for each object."""
     dense: Float[np.ndarray, "k rn 3"]
     touch: TouchEffect | None = None
     """What touch does to the recipe's own network; None for baselines, and without touches."""
+    threads: int = 1
+    """With which it was timed."""
+    load: float | None = None
+    """The machine's load average of the minute before; None where the system has none."""
 
 
 def methods(recipe: Recipe, network: Network) -> list[Method]:
@@ -115,19 +120,23 @@ def evaluate(
         advance: called whenever one object was upsampled or measured, 2·k times for each method.
     """
     meshes = _meshes(recipe, registry, compared, split)
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     made: list[_Timed] = []
     plain = _Timed([], [])
+    used: list[int] = []
     for position, method in enumerate(compared):
         made.append(_Timed([], []))
-        for i, mesh in enumerate(meshes):
-            points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
-            if method.upsample is not None:
-                made[-1].add(method.upsample, points, touches)
-                if position == 0 and touches:
-                    plain.add(method.upsample, points, [])
-            elif mesh is not None:
-                made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
-            advance()
+        with threads(deserved(points_at_once(recipe), method.parameters)) as count:
+            used.append(count)
+            for i, mesh in enumerate(meshes):
+                points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
+                if method.upsample is not None:
+                    made[-1].add(method.upsample, points, touches)
+                    if position == 0 and touches:
+                        plain.add(method.upsample, points, [])
+                elif mesh is not None:
+                    made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
+                advance()
     tasks = [
         _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
         for timed in made
@@ -136,10 +145,11 @@ def evaluate(
     measured = _measured(tasks, jobs or os.cpu_count() or 1, advance)
     touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
     scores: list[Scores] = []
-    for method, timed in zip(compared, made, strict=True):
+    for method, timed, count in zip(compared, made, used, strict=True):
         rows = [next(measured) for _ in range(len(split))]
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
-        scores.append(Scores(method, timed.mean, values, np.stack(timed.clouds), None if scores else touch))
+        effect = None if scores else touch
+        scores.append(Scores(method, timed.median, values, np.stack(timed.clouds), effect, count, load))
     return scores
 
 
@@ -156,8 +166,8 @@ class _Timed:
         self.seconds.append(time.perf_counter() - start)
 
     @property
-    def mean(self) -> float:
-        return float(np.mean(self.seconds))
+    def median(self) -> float:
+        return float(np.median(self.seconds))
 
 
 @dataclass(frozen=True)
@@ -195,7 +205,7 @@ def _touch_effect(
         [_tensor(cloud) for cloud in plain.clouds],
         dict(zip((method.name for method in compared[1:]), others, strict=True)),
         compared[0].name,
-        plain.mean,
+        plain.median,
     )
 
 
@@ -214,6 +224,7 @@ def _measured(tasks: Sequence[_Task], jobs: int, advance: Callable[[], None]) ->
             yield result
 
 
+@threads(1)
 def _measure(task: _Task) -> dict[str, float]:
     prediction, truth = _tensor(task.dense)[None], _tensor(task.truth)[None]
     return {name: METRICS[name](prediction, truth, task.mesh) for name in task.metrics}

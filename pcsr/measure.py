@@ -11,6 +11,7 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, Mesh
 from pcsr.metrics.emd import check_sizes
+from pcsr.threads import threads
 
 
 def evaluate(
@@ -47,17 +48,18 @@ def evaluate(
         for cloud, sphere in zip(clouds, spheres, strict=True)
     ]
     values = {}
-    for name in metrics:
-        if name not in METRICS:
-            raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
-        metric = METRICS[name]
-        if metric.needs_mesh and frame == "each":
-            values[name] = metric(torch.from_numpy(clouds[0])[None], tensors[1], surface)
-        elif metric.needs_mesh and surface is not None:
-            scaled = (surface[0] - spheres[1].centre) / spheres[1].radius, surface[1]
-            values[name] = metric(tensors[0], tensors[1], scaled)
-        else:
-            values[name] = metric(tensors[0], tensors[1], surface)
+    with threads(1):
+        for name in metrics:
+            if name not in METRICS:
+                raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
+            metric = METRICS[name]
+            if metric.needs_mesh and frame == "each":
+                values[name] = metric(torch.from_numpy(clouds[0])[None], tensors[1], surface)
+            elif metric.needs_mesh and surface is not None:
+                scaled = (surface[0] - spheres[1].centre) / spheres[1].radius, surface[1]
+                values[name] = metric(tensors[0], tensors[1], scaled)
+            else:
+                values[name] = metric(tensors[0], tensors[1], surface)
     return values
 
 

@@ -184,7 +184,7 @@ def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
         "seconds": steps[-1]["seconds"],
         "steps": steps[-1]["step"],
         "device": f"{fabric.world_size} x {fabric.device.type}",
-        "threads": torch.get_num_threads(),
+        "threads": steps[-1].get("threads"),
         "validation": checks[-1] if checks else {},
     }
 

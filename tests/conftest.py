@@ -7,6 +7,8 @@ from hypothesis import settings
 
 # Two processes of two threads each on two cores wait for one another most of the time. Here and in what tests start.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Where a test is about more threads, they sleep while they wait, as those of commands do.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # How long an example takes depends on who else uses the machine, so no example fails for being slow.
 # Where changes are judged (CI), all are by the same examples; elsewhere each run looks at new ones.

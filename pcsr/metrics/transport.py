@@ -19,6 +19,7 @@ from scipy.sparse import coo_array
 
 from pcsr.extras import imported
 from pcsr.geometry.patches import cells
+from pcsr.threads import allowed, single_thread, threads
 
 CELL = 8
 """Points of a cell of the small problem: larger ones give worse first prices, smaller ones a larger problem."""
@@ -58,20 +59,15 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
     Raises:
         UserError: the extra `[train]` is not installed.
     """
-    threads = torch.get_num_threads()
+    # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
+    corner = np.minimum(a.min(0), b.min(0))
+    extent = float(np.maximum((a - corner).max(), (b - corner).max()))
+    if extent == 0:
+        return 0.0, 0.0
     # Threads that work on blocks of their own: those inside of each operation would wait for one another all the time.
-    torch.set_num_threads(1)
-    try:
-        # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
-        corner = np.minimum(a.min(0), b.min(0))
-        extent = float(np.maximum((a - corner).max(), (b - corner).max()))
-        if extent == 0:
-            return 0.0, 0.0
-        with ThreadPoolExecutor(threads) as pool:
-            mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
-        return extent * mean, extent * bound
-    finally:
-        torch.set_num_threads(threads)
+    with threads(1), ThreadPoolExecutor(allowed(), initializer=single_thread) as pool:
+        mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
+    return extent * mean, extent * bound
 
 
 def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tuple[float, float]:

@@ -123,9 +123,7 @@ def _metrics(results: Results) -> str:
     terms = {name: note.description for name, note in results.metrics.items()}
     if results.touch is not None:
         terms[EFFICIENCY] = f"{DEFINITION}; higher is better"
-    terms["seconds"] = "mean wall time for one cloud"
-    if results.hardware:
-        terms["seconds"] += f" ({', '.join(f'{key} {value}' for key, value in results.hardware.items())})"
+    terms["seconds"] = results.timed
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())

@@ -108,6 +108,8 @@ class Results(BaseModel):
     touch: TouchResult | None = None
     """None where there are no touches, and in results of old."""
     training: Training = Training()
+    timing: str = "mean"
+    """Which average of a method's times its `seconds` are; the mean in results of 0.1."""
     hardware: dict[str, Any] = {}
     created: str
 
@@ -115,6 +117,16 @@ class Results(BaseModel):
     def baseline(self) -> str | None:
         """The method that the others are held against; None if there is only one."""
         return self.methods[1].name if len(self.methods) > 1 else None
+
+    @property
+    def timed(self) -> str:
+        """What a method's `seconds` are, and of which machine."""
+        return f"{self.timing} wall time for one cloud{f' ({self.machine})' if self.machine else ''}"
+
+    @property
+    def machine(self) -> str:
+        """Where and how busy, in words."""
+        return ", ".join(f"{key} {value}" for key, value in self.hardware.items() if value is not None)
 
     @model_validator(mode="after")
     def _one_number_each(self) -> "Results":
