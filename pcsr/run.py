@@ -35,6 +35,8 @@ from pcsr.workers import worker_pool
 WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
 EXAMPLES = "examples.safetensors"
+MOMENT = 1 << 28
+"""Bytes that are read and hashed in about a second."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
     """The fingerprint of a recipe's data, and the way to it."""
     if place.data:
         built = Built.read(place.data)
-        return built.fingerprint, lambda split, progress: built.split(split)
+        return built.fingerprint, lambda split, progress: _checked(built, split, progress)
     if recipe.joined:
         raise UserError(
             f"recipe '{recipe.name}' is on {len(recipe.joined)} data sets that were joined: name their folders, each "
@@ -199,6 +201,14 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
             return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))
 
     return plan.fingerprint, load
+
+
+def _checked(built: Built, split: str, progress: Progress) -> Split:
+    """A split of data that is built already; reading and checking it is shown where it takes longer than a moment."""
+    if sum(path.stat().st_size for path in built.shards(split) if path.is_file()) < MOMENT:
+        return built.split(split)
+    task = progress.add_task(f"checking the {split} data", total=built.objects(split))
+    return built.split(split, lambda count: progress.advance(task, count))
 
 
 def _fabric(recipe: Recipe, place: Place) -> Fabric:

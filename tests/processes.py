@@ -30,7 +30,7 @@ def wait_for(condition, seconds):
 def killed_while(script, argument, folder, ready):
     """Kill a script with -9 as soon as `ready` files NAME.ready lie in the folder that it runs in.
 
-    Gives the processes that wrote a file named after their id, and the files in memory that the script shared with them.
+    Gives the processes that wrote a file named after their id, and the shared files in memory.
     """
     (folder / "parent.py").write_text(script)
     path = os.pathsep.join([str(ROOT), str(ROOT / "plugins"), os.environ.get("PYTHONPATH", "")])
