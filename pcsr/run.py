@@ -1,5 +1,6 @@
 """A recipe to a run folder: data, training, evaluation, results and report."""
 
+import functools
 import json
 import os
 from collections.abc import Callable
@@ -70,6 +71,7 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     folder = run_folder(recipe, place)
     fabric = _fabric(recipe, place)
     fingerprint, data = _data(recipe, registry, place)
+    data = functools.cache(data)
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
         network, source = _trained(recipe, registry, fingerprint, data, fabric, place, progress)
         if not fabric.is_global_zero:
@@ -114,9 +116,10 @@ def _trained(
             return _loaded(path, source, registry, progress)
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
-        if fabric.is_global_zero:
-            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
         train_data, validation = data("train", progress), data("validation", progress)
+        if fabric.is_global_zero:
+            data("test", progress)  # what is missing or damaged is said before hours of training
+            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
     if fabric.is_global_zero:
         progress.console.print(f"no weights of exactly this recipe yet: training, {recipe.train.epochs} epochs")
     task = progress.add_task("training", total=None)
