@@ -1,10 +1,7 @@
 """Evaluation: a network beside baselines on one split, every metric for every object."""
 
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +21,7 @@ from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
+from pcsr.workers import worker_pool
 
 Cloud = Float[np.ndarray, "n 3"]
 
@@ -142,7 +140,7 @@ def evaluate(
         for timed in made
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
-    measured = _measured(tasks, jobs or os.cpu_count() or 1, advance)
+    measured = _measured(tasks, jobs, advance)
     touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
     scores: list[Scores] = []
     for method, timed, count in zip(compared, made, used, strict=True):
@@ -209,17 +207,11 @@ def _touch_effect(
     )
 
 
-def _measured(tasks: Sequence[_Task], jobs: int, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
+def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
     """The metrics of each task, in order."""
-    if jobs == 1 or len(tasks) < 8:  # starting processes costs more than it saves
-        results = map(_measure, tasks)
-        for result in results:
-            advance()
-            yield result
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, torch.set_num_threads, (1,)) as pool:
-        for result in pool.map(_measure, tasks, chunksize=2):
+    few = len(tasks) < 8  # starting processes costs more than it saves
+    with worker_pool(1 if few else jobs) as workers:
+        for result in workers.map(_measure, tasks):
             advance()
             yield result
 

@@ -1,5 +1,6 @@
 """A recipe to a run folder: data, training, evaluation, results and report."""
 
+import functools
 import json
 import os
 from collections.abc import Callable
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
 EXAMPLES = "examples.safetensors"
+MOMENT = 1 << 28
+"""Bytes that are read and hashed in about a second."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     folder = run_folder(recipe, place)
     fabric = _fabric(recipe, place)
     fingerprint, data = _data(recipe, registry, place)
+    data = functools.cache(data)
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
         network, source = _trained(recipe, registry, fingerprint, data, fabric, place, progress)
         if not fabric.is_global_zero:
@@ -131,9 +135,10 @@ def _trained(
             return _loaded(path, source, registry, progress)
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
-        if fabric.is_global_zero:
-            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
         train_data, validation = data("train", progress), data("validation", progress)
+        if fabric.is_global_zero:
+            data("test", progress)  # what is missing or damaged is said before hours of training
+            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
     if fabric.is_global_zero:
         progress.console.print(f"no weights of exactly this recipe yet: training, {recipe.train.epochs} epochs")
     task = progress.add_task("training", total=None)
@@ -202,7 +207,7 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
     """The fingerprint of a recipe's data, and the way to it."""
     if place.data:
         built = Built.read(place.data)
-        return built.fingerprint, lambda split, progress: built.split(split)
+        return built.fingerprint, lambda split, progress: _checked(built, split, progress)
     if recipe.joined:
         raise UserError(
             f"recipe '{recipe.name}' is on {len(recipe.joined)} data sets that were joined: name their folders, each "
@@ -218,6 +223,14 @@ def _data(recipe: Recipe, registry: Registry, place: Place) -> tuple[str, Data]:
             return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))
 
     return plan.fingerprint, load
+
+
+def _checked(built: Built, split: str, progress: Progress) -> Split:
+    """A split of data that is built already; reading and checking it is shown where it takes longer than a moment."""
+    if sum(path.stat().st_size for path in built.shards(split) if path.is_file()) < MOMENT:
+        return built.split(split)
+    task = progress.add_task(f"checking the {split} data", total=built.objects(split))
+    return built.split(split, lambda count: progress.advance(task, count))
 
 
 def _fabric(recipe: Recipe, place: Place) -> "Fabric":

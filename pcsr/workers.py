@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -10,6 +11,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing.connection import wait
 from typing import TypeVar
 
 from pcsr.errors import RunError, UserError
@@ -17,6 +19,8 @@ from pcsr.extras import imported
 
 AHEAD = 4
 """Tasks in flight for each process: results wait in memory until those before them are taken."""
+MOST_JOBS = 61 if sys.platform == "win32" else 1024
+"""Processes of one pool at most. Windows waits for no more of them at once."""
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
@@ -73,18 +77,20 @@ def worker_pool(jobs: int | None = None, scheduler: str | None = None) -> Iterat
     """Processes for as long as the context lasts.
 
     Args:
-        jobs: processes on this machine; all cores by default.
+        jobs: processes on this machine, at most `MOST_JOBS`; all cores by default.
         scheduler: address of a Dask scheduler, such as `tcp://10.0.0.1:8786`; its workers are used instead. pcsr
             and the plugins must be installed there.
 
     Raises:
-        UserError: the extra `[cluster]` is not installed, or no scheduler answers with workers.
+        UserError: an impossible number of processes, the extra `[cluster]` is not installed, or no scheduler answers
+            with workers.
     """
+    check_jobs(jobs)
     if scheduler is not None:
         with _cluster(scheduler) as found:
             yield found
         return
-    jobs = jobs or os.cpu_count() or 1
+    jobs = jobs or min(os.cpu_count() or 1, MOST_JOBS)
     if jobs == 1:
         yield WorkerPool(None, 1)
         return
@@ -93,11 +99,39 @@ def worker_pool(jobs: int | None = None, scheduler: str | None = None) -> Iterat
         yield WorkerPool(executor, jobs)
 
 
+def check_jobs(jobs: int | None) -> None:
+    """Refuse a number of processes that no pool has.
+
+    Raises:
+        UserError: it is less than 1 or more than `MOST_JOBS`.
+    """
+    if jobs is not None and not 1 <= jobs <= MOST_JOBS:
+        raise UserError(f"jobs is {jobs}: give a number of processes from 1 to {MOST_JOBS}")
+
+
 def _start_worker() -> None:
     """Set up a worker process: one thread, since the other cores have workers of their own."""
+    end_with_parent()
     import torch  # here, so that a pool of one process never loads it
 
     torch.set_num_threads(1)
+
+
+def end_with_parent() -> None:
+    """Let this process end as soon as its parent has, however that ended; it does nothing in a process without one.
+
+    A killed parent tells its children nothing, and they would wait for work for ever. Only the parent holds the other
+    end of the sentinel, so the system closes it on every platform. The semaphores that the processes shared are
+    removed by multiprocessing's resource tracker once all of them are gone.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_outlive_nobody, args=(parent.sentinel,), daemon=True).start()
+
+
+def _outlive_nobody(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)  # nobody is left to take a result, or to be told of an error
 
 
 @contextmanager

@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from pcsr import RunError, UserError
-from pcsr.workers import AHEAD, WorkerPool, worker_pool
+from pcsr.workers import AHEAD, MOST_JOBS, WorkerPool, end_with_parent, worker_pool
+from tests.processes import alive, killed_while, wait_for
 
 
 def double(number):
@@ -45,6 +46,41 @@ def test_only_a_few_results_wait_to_be_taken():
 def test_a_process_that_dies_is_one_line():
     with pytest.raises(RunError, match=r"a worker process died.*--jobs 1"), worker_pool(2) as two:
         list(two.map(die, range(4)))
+
+
+PARENT = """
+import os, pathlib, sys, time
+from pcsr.workers import worker_pool
+
+def work(seconds):
+    pathlib.Path(f"{os.getpid()}.ready").touch()
+    time.sleep(seconds)
+
+if __name__ == "__main__":
+    with worker_pool(2) as two:
+        list(two.map(work, [60] * 4 if sys.argv[1] == "working" else [0.2] * 8))
+        pathlib.Path("done.ready").touch()
+        time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it asks ps")
+@pytest.mark.parametrize("doing", ["working", "waiting"])
+def test_workers_end_with_a_parent_that_was_killed_and_leave_no_semaphore(tmp_path, doing):
+    with killed_while(PARENT, doing, tmp_path, ready=2 if doing == "working" else 3) as (workers, shared):
+        assert len(workers) == 2
+        assert wait_for(lambda: not any(map(alive, workers)), 2)
+        assert wait_for(lambda: not any(map(os.path.exists, shared)), 2)
+
+
+def test_a_process_without_a_parent_of_its_own_goes_on():
+    end_with_parent()
+
+
+@pytest.mark.parametrize("jobs", [0, -1, 10**18, MOST_JOBS + 1])
+def test_an_impossible_number_of_processes_is_refused(jobs):
+    with pytest.raises(UserError, match=rf"jobs is {jobs!r}: .* from 1 to {MOST_JOBS}"), worker_pool(jobs):
+        pass
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):

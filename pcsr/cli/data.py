@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import FILE, plugin_option
+from pcsr.cli.options import FILE, jobs_option, plugin_option
 from pcsr.errors import UserError, did_you_mean
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from pcsr.data.schema import Manifest
     from pcsr.recipe import Recipe
     from pcsr.registry import Registry
 
@@ -33,7 +34,7 @@ def data() -> None:
     "--set touch.object_size=30. May be repeated.",
 )
 @plugin_option
-@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes on this machine.  [default: all cores]")
+@jobs_option("Processes on this machine.  [default: all cores]")
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
 def make(
     shapes: str,
@@ -65,7 +66,7 @@ def make(
             build_split(plan, split, folder, workers, functools.partial(progress.advance, task))
     manifest = read_manifest(folder)
     _print(console, folder, manifest)
-    if not any(about["objects"] for about in manifest["splits"].values()):
+    if not any(about.objects for about in manifest.splits.values()):
         raise UserError(f"none of the objects of '{shapes}' could be used: the reasons are above")
 
 
@@ -79,11 +80,12 @@ def make(
     help="Where to write the page of pictures.  [default: DIR/info.html]",
 )
 @click.option("--object", "name", default=None, metavar="NAME", help="The object to show.  [default: a few]")
-def info(folder: Path, picture: Path | None, name: str | None) -> None:
+@click.option("--verify", is_flag=True, help="Read every file, and say which of them are not as they were built.")
+def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> None:
     """Say what a data set holds, and show one of its objects as the paper's Fig. 4 does."""
     from rich.console import Console
 
-    from pcsr.data.shards import check_sums, read_manifest
+    from pcsr.data.shards import read_manifest
     from pcsr.extras import require
     from pcsr.report.data_page import write_data_page
 
@@ -91,7 +93,10 @@ def info(folder: Path, picture: Path | None, name: str | None) -> None:
     console = Console()
     manifest = read_manifest(folder)
     _print(console, folder, manifest)
-    check_sums(folder, manifest)
+    if verify:
+        _verify(console, folder, manifest)
+    else:
+        console.print("its files were not verified: --verify reads them all", style="dim", soft_wrap=True)
     path = picture or folder / "info.html"
     shown = write_data_page(path, folder, manifest, name)
     console.print(f"pictures of {', '.join(shown)}: {path}", markup=False, soft_wrap=True)
@@ -115,29 +120,49 @@ def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "R
     )
 
 
-def _print(console: "Console", folder: Path, manifest: dict[str, Any]) -> None:
+def _verify(console: "Console", folder: Path, manifest: "Manifest") -> None:
+    """Read every shard.
+
+    Raises:
+        UserError: some are missing or damaged; each is printed.
+    """
+    from pcsr.data.shards import damaged
+    from pcsr.progress import progress_bars
+
+    files = sum(len(about.shards) for about in manifest.splits.values())
+    with progress_bars(console, hidden=False) as progress:
+        objects = sum(about.objects for about in manifest.splits.values())
+        task = progress.add_task("verifying", total=objects)
+        found = damaged(folder, manifest, functools.partial(progress.advance, task))
+    for line in found:
+        console.print(line, style="red", markup=False, soft_wrap=True)
+    if found:
+        raise UserError(f"{len(found)} of the {files} files of {folder} are missing or damaged: they are named above")
+    console.print(f"all {files} files are as they were built", soft_wrap=True)
+
+
+def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
     """What the manifest says, in a table, with the reasons of what was left out."""
     from rich.table import Table
 
-    data = manifest["data"]
-    touch = {key: value for key, value in data["touch"].items() if value is not None}
+    data = manifest.data
+    touch = {key: value for key, value in data.touch.model_dump().items() if value is not None}
     console.print(
-        f"{folder}: {data['points']} points to {data['points'] * data['rate']} ({data['truth']}; sparse: "
-        f"{data['sampling']}), {data['touches']} touches, seed {data['seed']}, "
-        f"fingerprint {manifest['fingerprint'][:12]}",
+        f"{folder}: {data.points} points to {data.points * data.rate} ({data.truth}; sparse: {data.sampling}), "
+        f"{data.touches} touches, seed {data.seed}, fingerprint {manifest.fingerprint[:12]}",
         markup=False,
         soft_wrap=True,
     )
-    console.print(f"shapes: {_plain(data['shapes'])}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
+    console.print(f"shapes: {_plain(data.shapes.model_dump())}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
     table = Table("split", "objects", "groups", "left out", "felt by 1, 2, … touches")
-    for split, about in manifest["splits"].items():
-        felt = "  ".join(f"{row['p50']:.1%}" for row in about["coverage"])
-        table.add_row(split, *(str(n) for n in (about["objects"], about["groups"], len(about["rejected"]))), felt)
+    for split, about in manifest.splits.items():
+        felt = "  ".join(f"{row.p50:.1%}" for row in about.coverage)
+        table.add_row(split, *(str(n) for n in (about.objects, about.groups, len(about.rejected))), felt)
     console.print(table)
     console.print("felt: the share of an object's truth that its first touches cover, median over objects", style="dim")
-    for split, about in manifest["splits"].items():
+    for split, about in manifest.splits.items():
         kinds: dict[str, list[str]] = {}
-        for name, reason in about["rejected"].items():
+        for name, reason in about.rejected.items():
             kinds.setdefault(_kind(name, reason), []).append(reason if name in reason else f"{name}: {reason}")
         for reasons in sorted(kinds.values(), key=len, reverse=True):
             such = "" if len(reasons) == 1 else f" {len(reasons)} such as"

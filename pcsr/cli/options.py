@@ -43,6 +43,19 @@ class _File(click.Path):
 FILE = _File(path_type=Path)
 """The type of every path that a command takes."""
 
+
+def _jobs(_ctx: click.Context, _param: click.Parameter, value: int | None) -> int | None:
+    from pcsr.workers import check_jobs
+
+    check_jobs(value)
+    return value
+
+
+def jobs_option(text: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
+    """Give a command `--jobs N`, a number of processes that a pool can have; `text` is its help."""
+    return click.option("--jobs", type=int, default=None, metavar="N", callback=_jobs, help=text)
+
+
 set_option = click.option(
     "--set",
     "overrides",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, jobs_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -32,24 +32,19 @@ _OPTIONS = (
     ),
     click.option(
         "--devices",
-        type=click.IntRange(1),
+        type=click.IntRange(1, 1024),
         default=1,
         show_default=True,
         help="Processes on this machine, one for each GPU.",
     ),
     click.option(
         "--nodes",
-        type=click.IntRange(1),
+        type=click.IntRange(1, 1024),
         default=1,
         show_default=True,
         help="Machines, as torchrun or SLURM started them.",
     ),
-    click.option(
-        "--jobs",
-        type=click.IntRange(1),
-        default=None,
-        help="Processes for data, metrics and a GPU's batches.  [default: all cores]",
-    ),
+    jobs_option("Processes for data, metrics and a GPU's batches.  [default: all cores]"),
     click.option(
         "--data",
         type=FILE,

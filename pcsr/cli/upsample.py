@@ -6,7 +6,7 @@ from typing import Literal
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, jobs_option
 from pcsr.errors import UserError
 
 PIPE = Path("-")
@@ -34,9 +34,7 @@ PIPE = Path("-")
     "--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe: ply, xyz, csv, npy …"
 )
 @click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
-@click.option(
-    "--jobs", type=click.IntRange(1), default=None, help="Processes.  [default: all cores from 20,000 points on]"
-)
+@jobs_option("Processes.  [default: all cores from 20,000 points on]")
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
 @click.option(
     "--plugin",
@@ -152,4 +150,6 @@ def _jobs(count: int, device: str) -> int:
     """As many processes as cores, where there is so much to do that starting them pays."""
     import os
 
-    return (os.cpu_count() or 1) if count > 20_000 and device in ("auto", "cpu") else 1
+    from pcsr.workers import MOST_JOBS
+
+    return min(os.cpu_count() or 1, MOST_JOBS) if count > 20_000 and device in ("auto", "cpu") else 1

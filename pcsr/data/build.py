@@ -1,12 +1,11 @@
 """Building TSR-PD (TAPSR, Sec. 4.1): every object sampled and touched, shard by shard, and kept.
 
-A shard that is finished is never made again. So a build that was stopped, in whatever way, goes on where it was, and
-ends with the same bytes as one that was not.
+A shard that is finished and undamaged is never made again. So a build that was stopped, in whatever way, goes on where
+it was, and ends with the same bytes as one that was not.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,18 @@ import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.jobs import results
 from pcsr.data.plan import FORMAT, Plan
-from pcsr.data.shards import MANIFEST, SHARD, read_card, read_manifest, shard_path, write_manifest, write_shard
+from pcsr.data.schema import Coverage, Manifest, Settings, Shard, Summary
+from pcsr.data.shards import (
+    MANIFEST,
+    SHARD,
+    read_card,
+    read_manifest,
+    shard_path,
+    shard_sum,
+    write_manifest,
+    write_shard,
+)
 from pcsr.errors import UserError
-from pcsr.files import sha256
 from pcsr.workers import WorkerPool
 
 
@@ -49,16 +57,13 @@ def build_split(
         RunError: a process died, the cluster is lost, or the disk is full; what is finished is kept.
     """
     names = plan.split(split)
-    manifest = _manifest(plan, folder)
-    done = manifest["splits"].get(split)
-    if done and all(_finished(folder / shard["file"], plan.fingerprint) for shard in done["shards"]):
-        advance(len(names))
-        return
+    done = _manifest(plan, folder).splits.get(split)
+    sums = {shard.file: shard.sha256 for shard in done.shards} if done else {}
     shards = [names[i : i + SHARD] for i in range(0, len(names), SHARD)]
     missing = []
     for number, some in enumerate(shards):
         path = shard_path(folder, split, number)
-        if path.exists() and _finished(path, plan.fingerprint):
+        if path.is_file() and _finished(path, plan.fingerprint, some, sums.get(path.name)):
             advance(len(some))
         else:
             missing.append(number)
@@ -70,23 +75,34 @@ def build_split(
             made.append(next(stream))
             advance(1)
         write_shard(shard_path(folder, split, number), made, plan.fingerprint)
+    summary = _summary(folder, split, len(shards))
+    if summary == done:
+        return
     # Another process may have built another split in the meantime.
     manifest = _manifest(plan, folder)
-    manifest["splits"][split] = _summary(folder, split, len(shards))
-    manifest["splits"] = {name: manifest["splits"][name] for name in plan.names if name in manifest["splits"]}
-    write_manifest(folder, manifest)
+    splits = {**manifest.splits, split: summary}
+    ordered = {name: splits[name] for name in plan.names if name in splits}
+    write_manifest(folder, manifest.model_copy(update={"splits": ordered}))
 
 
-def _finished(path: Path, fingerprint: str) -> bool:
-    """Whether a shard is of this data and needs no other try. A file that was damaged is made again."""
+def _finished(path: Path, fingerprint: str, names: Sequence[str], known: str | None) -> bool:
+    """Whether a shard holds these objects of this data, is undamaged and needs no other try.
+
+    Args:
+        path: of the shard.
+        fingerprint: of the data.
+        names: what its objects are called.
+        known: its hash in the manifest; None where the split isn't in there yet, and the shard's card has to do.
+    """
     try:
         card = read_card(path)
     except UserError:
         return False
-    return bool(card["fingerprint"] == fingerprint and not card["faults"])
+    mine = card.fingerprint == fingerprint and {*card.names, *card.rejected} == set(names)
+    return mine and not card.faults and known in (None, shard_sum(path))
 
 
-def _manifest(plan: Plan, folder: Path) -> dict[str, Any]:
+def _manifest(plan: Plan, folder: Path) -> Manifest:
     """The folder's manifest, a new one if it has none.
 
     Raises:
@@ -94,62 +110,49 @@ def _manifest(plan: Plan, folder: Path) -> dict[str, Any]:
     """
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
-        if manifest["fingerprint"] != plan.fingerprint:
+        if manifest.fingerprint != plan.fingerprint:
             raise UserError(
-                f"{folder} holds other data (fingerprint {manifest['fingerprint'][:12]}, not {plan.fingerprint[:12]}): "
+                f"{folder} holds other data (fingerprint {manifest.fingerprint[:12]}, not {plan.fingerprint[:12]}): "
                 f"its objects or settings differ; choose another folder, or delete this one"
             )
         return manifest
     for path in sorted(folder.glob("*-[0-9][0-9][0-9][0-9][0-9].safetensors")):
         # A shard of this data, whose manifest was lost, is of use; anything else is somebody's.
-        if read_card(path)["fingerprint"] != plan.fingerprint:
+        if read_card(path).fingerprint != plan.fingerprint:
             raise UserError(f"{path} belongs to other data: choose another folder, or delete this one")
     recipe = plan.recipe
     data = recipe.resolved()["data"] | {"touches": recipe.most_touches, "seed": recipe.data_seed}
-    manifest = {
-        "format": FORMAT,
-        "made_by": f"pcsr {pcsr.__version__}",
-        "fingerprint": plan.fingerprint,
-        "data": data,
-        "empty": plan.empty,
-        "splits": {},
-    }
+    manifest = Manifest(
+        format=FORMAT,
+        made_by=f"pcsr {pcsr.__version__}",
+        fingerprint=plan.fingerprint,
+        data=Settings(**data),
+        empty=plan.empty,
+        splits={},
+    )
     write_manifest(folder, manifest)
     return manifest
 
 
-def _summary(folder: Path, split: str, count: int) -> dict[str, Any]:
+def _summary(folder: Path, split: str, count: int) -> Summary:
     """What the shards of a split hold, for its place in the manifest."""
-    shards: list[dict[str, Any]] = []
-    rejected: dict[str, str] = {}
-    groups: set[str] = set()
-    sensors: set[str] = set()
-    coverage: list[list[float]] = []
-    faults = 0
-    for number in range(count):
-        path = shard_path(folder, split, number)
-        card = read_card(path)
-        rejected |= card["rejected"]
-        faults += card["faults"]
-        groups |= set(card["groups"])
-        sensors |= set(card["sensors"])
-        coverage += card["coverage"]
-        shards.append({"file": path.name, "objects": len(card["names"]), "sha256": sha256(path)})
-    shares = np.array(coverage)
-    return {
-        "objects": len(coverage),
-        "groups": len(groups),
-        "sensors": sorted(sensors),
-        # For 1, 2, … touches: the share of an object that they felt, in the mean and at 10, 50 and 90 % of objects.
-        "coverage": [{"touches": k + 1, "mean": float(of.mean()), **_quantiles(of)} for k, of in enumerate(shares.T)]
-        if shares.size
-        else [],
-        "rejected": rejected,
-        # Of the rejected, those that are not the objects' doing; they are tried again by the next build.
-        "faults": faults,
-        "shards": shards,
-    }
+    paths = [shard_path(folder, split, number) for number in range(count)]
+    cards = [read_card(path) for path in paths]
+    shares = np.array([row for card in cards for row in card.coverage])
+    return Summary(
+        objects=len(shares),
+        groups=len({group for card in cards for group in card.groups}),
+        sensors=tuple(sorted({sensor for card in cards for sensor in card.sensors})),
+        coverage=tuple(_coverage(k + 1, of) for k, of in enumerate(shares.T)) if shares.size else (),
+        rejected={name: reason for card in cards for name, reason in card.rejected.items()},
+        faults=sum(card.faults for card in cards),
+        shards=tuple(
+            Shard(file=path.name, objects=len(card.names), sha256=shard_sum(path))
+            for path, card in zip(paths, cards, strict=True)
+        ),
+    )
 
 
-def _quantiles(shares: np.ndarray) -> dict[str, float]:
-    return {f"p{at}": float(value) for at, value in zip((10, 50, 90), np.percentile(shares, (10, 50, 90)), strict=True)}
+def _coverage(touches: int, shares: np.ndarray) -> Coverage:
+    p10, p50, p90 = map(float, np.percentile(shares, (10, 50, 90)))
+    return Coverage(touches=touches, mean=float(shares.mean()), p10=p10, p50=p50, p90=p90)

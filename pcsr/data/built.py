@@ -3,13 +3,14 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pcsr.data.dataset import Split
 from pcsr.data.plan import SPLITS
+from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_manifest
 from pcsr.errors import UserError
 from pcsr.metrics import METRICS
@@ -22,7 +23,7 @@ class Built:
     """Folders that `pcsr data make` built, as one data set in their order."""
 
     folders: tuple[Path, ...]
-    manifests: tuple[dict[str, Any], ...]
+    manifests: tuple[Manifest, ...]
 
     @classmethod
     def read(cls, folders: Sequence[Path]) -> "Built":
@@ -38,7 +39,7 @@ class Built:
         first, *others = zip(built.folders, built.manifests, strict=True)
         for folder, manifest in others:
             for key in ("points", "rate"):
-                one, other = first[1]["data"].get(key), manifest["data"].get(key)
+                one, other = getattr(first[1].data, key), getattr(manifest.data, key)
                 if one != other:
                     raise UserError(
                         f"{first[0]} and {folder} cannot be joined: {key} is {one} in the first and {other} in the "
@@ -50,36 +51,52 @@ class Built:
     def fingerprint(self) -> str:
         """That of the folder; of several a hash of theirs, in their order."""
         if not self.joined:
-            return str(self.manifests[0]["fingerprint"])
+            return self.manifests[0].fingerprint
         return hashlib.sha256(json.dumps(self.joined).encode()).hexdigest()
 
     @property
     def joined(self) -> tuple[str, ...]:
         """The fingerprints of several folders; nothing for a single one."""
-        return tuple(one["fingerprint"] for one in self.manifests) if len(self.manifests) > 1 else ()
+        return tuple(one.fingerprint for one in self.manifests) if len(self.manifests) > 1 else ()
 
     def holders(self, split: str) -> list[int]:
         """The numbers of the folders that have a split."""
-        return [number for number, manifest in enumerate(self.manifests) if split in manifest["splits"]]
+        return [number for number, manifest in enumerate(self.manifests) if split in manifest.splits]
 
     def missing(self) -> list[str]:
         """For each folder that lacks a split which another has, a line that says so."""
         return [
-            f"{folder} has no split '{split}': {manifest.get('empty', {}).get(split, 'it is not built to its end')}"
+            f"{folder} has no split '{split}': {manifest.empty.get(split, 'it is not built to its end')}"
             for split in SPLITS
             if self.holders(split)
             for folder, manifest in zip(self.folders, self.manifests, strict=True)
-            if split not in manifest["splits"]
+            if split not in manifest.splits
         ]
 
-    def split(self, split: str) -> Split:
+    def shards(self, split: str) -> list[Path]:
+        """The files of a split, in all folders."""
+        return [
+            self.folders[number] / shard.file
+            for number in self.holders(split)
+            for shard in self.manifests[number].splits[split].shards
+        ]
+
+    def objects(self, split: str) -> int:
+        """How many objects of a split all folders have."""
+        return sum(self.manifests[number].splits[split].objects for number in self.holders(split))
+
+    def split(self, split: str, advance: Callable[[int], None] = lambda count: None) -> Split:
         """A split of all folders that have it.
+
+        Args:
+            split: "train", "validation" or "test".
+            advance: called with the number of objects that were just read and checked.
 
         Raises:
             UserError: none has it, a file is damaged, or the clouds differ in size.
         """
         holders = self.holders(split) or [0]  # which says what is wrong
-        whole = Split.joined([Split.load(self.folders[number], split) for number in holders])
+        whole = Split.joined([Split.load(self.folders[number], split, advance=advance) for number in holders])
         return dataclasses.replace(whole, about={**whole.about, "fingerprint": self.fingerprint})
 
     def card(self) -> list[dict[str, Any]]:
@@ -87,9 +104,9 @@ class Built:
         return [
             {
                 "folder": folder.resolve().name,
-                "fingerprint": manifest["fingerprint"],
-                "settings": manifest["data"],
-                "objects": {split: about.get("objects") for split, about in manifest["splits"].items()},
+                "fingerprint": manifest.fingerprint,
+                "settings": manifest.data.model_dump(mode="json"),
+                "objects": {split: about.objects for split, about in manifest.splits.items()},
             }
             for folder, manifest in zip(self.folders, self.manifests, strict=True)
         ]
@@ -106,8 +123,8 @@ class Built:
         self._check_touches(recipe)
         testing = self.holders("test")
         self._check_meshes(recipe, testing)
-        data = dict(self.manifests[testing[0] if testing else 0]["data"])
-        if len({manifest["data"].get("sampling") for manifest in self.manifests}) > 1:
+        data = self.manifests[testing[0] if testing else 0].data.model_dump(mode="json")
+        if len({manifest.data.sampling for manifest in self.manifests}) > 1:
             data["sampling"] = "mixed"
         plain = recipe.resolved()
         plain["data"] = {**data, "touches": recipe.data.touches}
@@ -118,7 +135,7 @@ class Built:
     def _check_touches(self, recipe: Recipe) -> None:
         wanted = recipe.data.touches if recipe.weights else recipe.most_touches  # nothing is trained with weights
         for folder, manifest in zip(self.folders, self.manifests, strict=True):
-            has = manifest["data"]["touches"]
+            has = manifest.data.touches
             if wanted > has:
                 raise UserError(
                     f"{folder} has {has} touches of each object, and '{recipe.name}' asks for {wanted}: "
@@ -129,7 +146,8 @@ class Built:
         """Meshes are found by the names of objects, which those of one folder alone know."""
         needs_mesh = {name for name, metric in METRICS.items() if metric.needs_mesh} | {"floor"}
         wanting = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.beside) if name in needs_mesh]
-        several = {json.dumps(self.manifests[number]["data"].get("shapes"), sort_keys=True) for number in testing}
+        shapes = (self.manifests[number].data.shapes.model_dump(mode="json") for number in testing)
+        several = {json.dumps(one, sort_keys=True) for one in shapes}
         if wanting and len(several) > 1:
             folders = " and ".join(str(self.folders[number]) for number in testing)
             raise UserError(

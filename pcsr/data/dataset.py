@@ -1,6 +1,6 @@
 """A split of the data set: clouds, object by object, with what they are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr.data.shards import CLOUDS, read_card, read_clouds, read_manifest
+from pcsr.data.shards import CLOUDS, checked_shard, read_manifest
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
 
@@ -94,34 +94,44 @@ class Split:
         )
 
     @classmethod
-    def load(cls, folder: Path, split: str) -> "Split":
-        """Read a split from a folder that holds it whole.
+    def load(
+        cls,
+        folder: Path,
+        split: str,
+        shards: Sequence[int] | None = None,
+        advance: Callable[[int], None] = lambda count: None,
+    ) -> "Split":
+        """Read a split from a folder that holds it whole. Each file is held against its hash, once in a process.
+
+        Args:
+            folder: as `pcsr data make` leaves it.
+            split: "train", "validation" or "test".
+            shards: the numbers of those to read; all by default.
+            advance: called with the number of objects that were just read.
 
         Raises:
             UserError: it isn't there, a file of it is damaged, or none of its objects could be used.
         """
         manifest = read_manifest(folder)
-        if split not in manifest["splits"]:
-            there = ", ".join(manifest["splits"]) or "none"
-            why = manifest.get("empty", {}).get(split, "run `pcsr data make` to its end")
+        about = manifest.splits.get(split)
+        if about is None:
+            there = ", ".join(manifest.splits) or "none"
+            why = manifest.empty.get(split, "run `pcsr data make` to its end")
             raise UserError(f"{folder} has no split '{split}' (it has: {there}): {why}")
-        whole = cls([], [], [], [], [], [], [], {"fingerprint": manifest["fingerprint"], "rejected": {}})
+        rejected: dict[str, str] = {}
         lists: dict[str, list[Any]] = {name: [] for name in ("names", "groups", "spheres", "felt", *CLOUDS)}
-        for shard in manifest["splits"][split]["shards"]:
-            path = folder / shard["file"]
-            card = read_card(path)
-            if card["fingerprint"] != manifest["fingerprint"]:
-                raise UserError(f"{path} belongs to other data than {folder / 'manifest.json'}: build the folder again")
-            whole.about["rejected"].update(card["rejected"])
-            if card["names"]:
-                clouds = read_clouds(path)
-                lists["names"] += card["names"]
-                lists["groups"] += card["groups"]
-                lists["spheres"] += [UnitSphere(np.array(s[:3]), s[3]) for s in card["spheres"]]
-                lists["felt"] += card["coverage"]
+        for number in range(len(about.shards)) if shards is None else shards:
+            card, clouds = checked_shard(folder, manifest, split, number)
+            rejected.update(card.rejected)
+            if card.names:
+                lists["names"] += card.names
+                lists["groups"] += card.groups
+                lists["spheres"] += [UnitSphere(np.array(s[:3]), s[3]) for s in card.spheres]
+                lists["felt"] += card.coverage
                 for name in CLOUDS:
                     lists[name] += clouds[name].unbind(0)
+            advance(len(card.names))
         if not lists["names"]:
-            reasons = "; ".join(list(whole.about["rejected"].values())[:3])
+            reasons = "; ".join(list(rejected.values())[:3])
             raise UserError(f"{folder}: none of the objects of the split '{split}' could be used: {reasons}")
-        return cls(about=whole.about, **lists)
+        return cls(about={"fingerprint": manifest.fingerprint, "rejected": rejected}, **lists)

@@ -8,6 +8,7 @@ from functools import partial
 from torch.utils.data import DataLoader, Dataset
 
 from pcsr.data.batches import Batch, Batches
+from pcsr.workers import end_with_parent
 
 LOADERS = 2
 """Processes that make batches for a GPU, if nobody says how many."""
@@ -51,3 +52,4 @@ def _apart(_number: int) -> None:
     """Ctrl-C and a scheduler's polite kill go to a whole process group; training ends its step, then its loaders."""
     if hasattr(os, "setpgid"):  # Windows has no process groups of this kind
         os.setpgid(0, 0)
+    end_with_parent()  # torch looks for it every five seconds only

@@ -3,8 +3,10 @@
 A folder holds `train-00000.safetensors` and so on, and `manifest.json`, which says what is in them.
 """
 
+import errno
+import functools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +17,26 @@ from torch import Tensor
 
 from pcsr.data.plan import FORMAT
 from pcsr.data.sample import Rejected, Sample
+from pcsr.data.schema import Card, Formatted, Manifest, Settings, parsed, shard_name
 from pcsr.errors import UserError
 from pcsr.files import save_tensors, sha256, write_text
+from pcsr.geometry.frames import UnitSphere
 
 SHARD = 64
 """Objects in a file: about 9 MB at the paper's size, and at most so much work is lost by a kill."""
 MANIFEST = "manifest.json"
 CLOUDS = ("truth", "points", "touches")
+LONGEST_MANIFEST = 32 << 20
+"""Bytes: the shards of some ten million objects."""
+LONGEST_HEADER = 8 << 20
+"""Bytes: names and reasons of the objects in one shard."""
+AGAIN = "run the command that built it again, which makes it anew"
+"""What to do about a file that is not as it was written."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
     """Where shard `number` of a split lies."""
-    return folder / f"{split}-{number:05d}.safetensors"
+    return folder / shard_name(split, number)
 
 
 def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejected]], fingerprint: str) -> None:
@@ -41,16 +51,16 @@ def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejected]], fi
         UserError: touches of different sizes.
     """
     samples = [result for _, result in results if isinstance(result, Sample)]
-    card = {
-        "fingerprint": fingerprint,
-        "names": [s.name for s in samples],
-        "groups": [s.group for s in samples],
-        "spheres": [[*map(float, s.sphere.centre), float(s.sphere.radius)] for s in samples],
-        "coverage": [s.coverage for s in samples],
-        "sensors": sorted({s.sensor for s in samples}),
-        "rejected": {name: result.reason for name, result in results if isinstance(result, Rejected)},
-        "faults": sum(isinstance(result, Rejected) and result.fault for _, result in results),
-    }
+    card = Card(
+        fingerprint=fingerprint,
+        names=tuple(s.name for s in samples),
+        groups=tuple(s.group for s in samples),
+        spheres=tuple(_four(s.sphere) for s in samples),
+        coverage=tuple(s.coverage for s in samples),
+        sensors=tuple(sorted({s.sensor for s in samples})),
+        rejected={name: result.reason for name, result in results if isinstance(result, Rejected)},
+        faults=sum(isinstance(result, Rejected) and result.fault for _, result in results),
+    )
     sizes = {s.touches.shape[1:] for s in samples}
     if len(sizes) > 1:
         raise UserError(f"{path}: touches of {sorted(sizes)} points: a touch source must give all alike")
@@ -58,22 +68,67 @@ def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejected]], fi
         name: torch.from_numpy(np.stack([getattr(s, name) for s in samples]) if samples else np.zeros(0, np.float32))
         for name in CLOUDS
     }
-    save_tensors(path, tensors, {"pcsr": json.dumps(card, sort_keys=True)})
+    save_tensors(path, tensors, {"pcsr": json.dumps(card.model_dump(mode="json"), sort_keys=True)})
 
 
-def read_card(path: Path) -> dict[str, Any]:
+def _four(sphere: UnitSphere) -> tuple[float, float, float, float]:
+    x, y, z = map(float, sphere.centre)
+    return x, y, z, float(sphere.radius)
+
+
+def read_card(path: Path) -> Card:
     """What a shard says of itself, without its clouds.
 
     Raises:
         UserError: the file is damaged or not a shard.
     """
     try:
+        _regular(path)
+        with path.open("rb") as file:
+            header = int.from_bytes(file.read(8), "little")
+        if header > LONGEST_HEADER:
+            raise ValueError(f"its header has {header} bytes, a shard's has {LONGEST_HEADER} at most")
         with safe_open(path, "pt") as file:
-            card: dict[str, Any] = json.loads(file.metadata()["pcsr"])
-            card["fingerprint"], card["names"], card["rejected"]
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-        raise UserError(f"{path} is not a shard of pcsr data ({error}): delete it and build again") from error
+            card = parsed(Card, (file.metadata() or {})["pcsr"])
+            _check_clouds(file, card)
+    except KeyError as error:
+        raise UserError(f"{path} is not a shard of pcsr data (it has no {error}): {AGAIN}") from error
+    except (SafetensorError, OSError, ValueError) as error:
+        raise UserError(f"{path} is not a shard of pcsr data ({error}): {AGAIN}") from error
     return card
+
+
+def _regular(path: Path) -> None:
+    """Refuse what may never end or never begin, such as a device or a pipe.
+
+    Raises:
+        OSError: it is there, but no file.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file")
+
+
+def _check_clouds(file: Any, card: Card) -> None:
+    """Refuse clouds that are not those of the objects on the card.
+
+    Raises:
+        KeyError, SafetensorError: some are missing.
+        ValueError: they are of another type or shape.
+    """
+    missing = set(CLOUDS) - set(file.keys())
+    if missing:
+        raise KeyError(min(missing))
+    touches = {len(shares) for shares in card.coverage}
+    if len(touches) > 1:
+        raise ValueError(f"its coverage is of {' and '.join(map(str, sorted(touches)))} touches")
+    for name in CLOUDS:
+        cloud = file.get_slice(name)
+        kind, shape = cloud.get_dtype(), cloud.get_shape()
+        wanted = [len(card.names), *touches] if name == "touches" else [len(card.names)]
+        if kind != "F32":
+            raise ValueError(f"its {name} are {kind}, a shard's are F32")
+        if card.names and (shape[:-2] != wanted or shape[-1] != 3):
+            raise ValueError(f"its {name} are of shape {tuple(shape)}, for {len(card.names)} objects")
 
 
 def read_clouds(path: Path) -> dict[str, Tensor]:
@@ -82,42 +137,100 @@ def read_clouds(path: Path) -> dict[str, Tensor]:
         return {name: file.get_tensor(name) for name in CLOUDS}
 
 
-def check_sums(folder: Path, manifest: dict[str, Any]) -> None:
-    """Read every shard once, to be sure that it is as it was written.
+def shard_sum(path: Path) -> str:
+    """SHA-256 of a file; in one process it is read once, unless it changes."""
+    about = path.stat()
+    return _sum(path.resolve(), about.st_ino, about.st_size, about.st_mtime_ns)
+
+
+@functools.cache
+def _sum(path: Path, _inode: int, _size: int, _modified: int) -> str:
+    return sha256(path)
+
+
+def checked_shard(folder: Path, manifest: Manifest, split: str, number: int) -> tuple[Card, dict[str, Tensor]]:
+    """One shard of a split, held against the manifest: it is read whole, once in a process.
+
+    Returns:
+        Its card, and its clouds as `read_clouds` gives them.
 
     Raises:
-        UserError: one is missing, or has changed since.
+        UserError: it is missing, belongs to other data, or is not as it was when it was built.
     """
-    for about in manifest["splits"].values():
-        for shard in about["shards"]:
-            path = folder / shard["file"]
-            if not path.is_file() or sha256(path) != shard["sha256"]:
-                raise UserError(f"{path} is missing or has changed since it was built: delete it and build again")
+    shard = manifest.splits[split].shards[number]
+    path = folder / shard.file
+    if not path.is_file():
+        raise UserError(f"{path} is missing: {AGAIN}")
+    card = read_card(path)
+    if card.fingerprint != manifest.fingerprint:
+        raise UserError(f"{path} belongs to other data than {folder / MANIFEST}: {AGAIN}")
+    if shard_sum(path) != shard.sha256:
+        raise UserError(f"{path} has changed since it was built, its hash is not that in {MANIFEST}: {AGAIN}")
+    clouds = read_clouds(path)
+    if len(card.names) != shard.objects:
+        raise UserError(f"{path} holds {len(card.names)} objects, {MANIFEST} says {shard.objects}: {AGAIN}")
+    if card.names:
+        _check_sizes(path, clouds, manifest.data)
+    return card, clouds
 
 
-def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:
+def _check_sizes(path: Path, clouds: dict[str, Tensor], data: Settings) -> None:
+    wanted = {"truth": data.points * data.rate, "points": data.points, "touches": data.touches}
+    for name, cloud in clouds.items():
+        if cloud.shape[1] != wanted[name]:
+            raise UserError(
+                f"{path}: its {name} are {cloud.shape[1]} an object, {MANIFEST} says {wanted[name]}: {AGAIN}"
+            )
+        if cloud.numel() and not torch.stack(torch.aminmax(cloud)).isfinite().all():
+            raise UserError(f"{path}: its {name} have a coordinate that is not finite: {AGAIN}")
+
+
+def damaged(folder: Path, manifest: Manifest, advance: Callable[[int], None] = lambda count: None) -> tuple[str, ...]:
+    """What is wrong with the shards of a folder, a line for each that is missing or not as it was built.
+
+    Args:
+        folder: the data set.
+        manifest: what its manifest says.
+        advance: called with the number of objects in a shard that was read.
+    """
+    found = []
+    for split, about in manifest.splits.items():
+        for number, shard in enumerate(about.shards):
+            try:
+                checked_shard(folder, manifest, split, number)
+            except UserError as error:
+                found.append(str(error))
+            advance(shard.objects)
+    return tuple(found)
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write `manifest.json` whole."""
-    write_text(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
+    write_text(folder / MANIFEST, json.dumps(manifest.model_dump(mode="json"), indent=1) + "\n")
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> Manifest:
     """What `manifest.json` says.
 
     Raises:
         UserError: there is none, or it is not one of pcsr's, or of another version's format.
     """
     path = folder / MANIFEST
+    again = "delete it and build again, which keeps the shards that are finished"
     try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        form = manifest["format"]
-        if form == FORMAT:
-            manifest["fingerprint"] = str(manifest["fingerprint"])
-            for key in ("splits", "data"):
-                manifest[key] = dict(manifest[key])
+        _regular(path)
+        with path.open("rb") as file:
+            text = file.read(LONGEST_MANIFEST + 1)
+        if len(text) > LONGEST_MANIFEST:
+            raise ValueError(f"it has more than {LONGEST_MANIFEST} bytes")
+        form = parsed(Formatted, text).format
+        manifest = parsed(Manifest, text) if form == FORMAT else None
     except FileNotFoundError as error:
         raise UserError(f"{folder} holds no {MANIFEST}: give a folder that `pcsr data make` built") from error
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise UserError(f"{path} is not a manifest of pcsr data ({type(error).__name__}: {error})") from error
-    if form != FORMAT:
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise UserError(f"{path} is not a manifest of pcsr data: {error}; {again}") from error
+    if manifest is None:
         raise UserError(f"{path} has format {form}, this version of pcsr reads {FORMAT}: build the data again")
     return manifest

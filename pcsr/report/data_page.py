@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.data.dataset import Split
+from pcsr.data.schema import Manifest
+from pcsr.data.shards import read_card
 from pcsr.errors import UserError, did_you_mean
 from pcsr.files import write_text
 from pcsr.report.page import example_tabs, plotly_source, shell
@@ -15,7 +17,7 @@ SHOWN = 4
 """Objects, unless one is asked for."""
 
 
-def write_data_page(path: Path, folder: Path, manifest: dict[str, Any], name: str | None = None) -> list[str]:
+def write_data_page(path: Path, folder: Path, manifest: Manifest, name: str | None = None) -> list[str]:
     """Write a page that shows objects of a data set: truth, sparse cloud with touches, and one touch alone.
 
     Args:
@@ -45,18 +47,22 @@ def write_data_page(path: Path, folder: Path, manifest: dict[str, Any], name: st
     return list(split.names)
 
 
-def _chosen(folder: Path, manifest: dict[str, Any], name: str | None) -> Split:
-    there = [split for split, about in manifest["splits"].items() if about["objects"]]
+def _chosen(folder: Path, manifest: Manifest, name: str | None) -> Split:
+    there = {split: about for split, about in manifest.splits.items() if about.objects}
     if not there:
         raise UserError(f"{folder} has no finished split with an object in it: run `pcsr data make` to its end")
     if name is None:
-        return Split.load(folder, there[0]).spread(SHOWN)
+        split, about = next(iter(there.items()))
+        count = min(SHOWN, about.objects)
+        places = [about.place(k * about.objects // count) for k in range(count)]
+        return Split.joined([Split.load(folder, split, [number]).chosen([row]) for number, row in places])
     known: list[str] = []
-    for split in there:
-        loaded = Split.load(folder, split)
-        if name in loaded.names:
-            return loaded.chosen([list(loaded.names).index(name)])
-        known += loaded.names
+    for split, about in there.items():
+        for number, shard in enumerate(about.shards):
+            names = read_card(folder / shard.file).names
+            if name in names:
+                return Split.load(folder, split, [number]).chosen([names.index(name)])
+            known += names
     raise UserError(f"{folder} has no object '{name}': {_nearest(name, known)}")
 
 
@@ -83,12 +89,12 @@ def _row(split: Split, k: int) -> dict[str, Any]:
     return {"name": split.names[k], "limit": 1.0, "range": cube(truth, points), "views": shown}
 
 
-def _statement(manifest: dict[str, Any]) -> str:
-    data = manifest["data"]
-    objects = ", ".join(f"{about['objects']} {split}" for split, about in manifest["splits"].items())
+def _statement(manifest: Manifest) -> str:
+    data = manifest.data
+    objects = ", ".join(f"{about.objects} {split}" for split, about in manifest.splits.items())
     return (
-        f"Objects: {objects}, of {data['shapes']['use']}. {data['points'] * data['rate']} true points "
-        f"({data['truth']}), {data['points']} sparse ones ({data['sampling']}), {data['touches']} touches by "
-        f"{data['touch']['use']}, seed {data['seed']}; fingerprint {manifest['fingerprint'][:12]}, "
-        f"{manifest['made_by']}. Each object fills the unit sphere. Turning one view turns all."
+        f"Objects: {objects}, of {data.shapes.use}. {data.points * data.rate} true points ({data.truth}), "
+        f"{data.points} sparse ones ({data.sampling}), {data.touches} touches by {data.touch.use}, seed {data.seed}; "
+        f"fingerprint {manifest.fingerprint[:12]}, {manifest.made_by}. Each object fills the unit sphere. Turning one "
+        f"view turns all."
     )

@@ -137,13 +137,32 @@ def test_info_of_something_else_is_one_line(data, tmp_path):
     assert "holds no manifest.json" in done.output
 
 
-def test_info_finds_a_file_that_has_changed(data, tmp_path):
+def test_info_verifies_every_file_if_it_is_asked_to(data, tmp_path):
+    data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3", "held_out=1"])
+    assert "its files were not verified" in data("info", tmp_path / "out").output
+    whole = data("info", tmp_path / "out", "--verify")
+    assert whole.exit_code == 0, whole.output
+    assert "all 3 files are as they were built" in whole.output
+    for name in ("test", "validation"):
+        shard = tmp_path / "out" / f"{name}-00000.safetensors"
+        shard.write_bytes(shard.read_bytes()[:-1] + b"?")
+    assert data("info", tmp_path / "out").exit_code == 0, "it shows objects that are trained on"
+    done = data("info", tmp_path / "out", "--verify")
+    assert done.exit_code == 2
+    for name in ("test", "validation"):
+        assert f"{name}-00000.safetensors has changed since it was built" in done.output
+    assert "2 of the 3 files" in done.output
+    data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3", "held_out=1"])
+    assert data("info", tmp_path / "out", "--verify").exit_code == 0
+
+
+def test_info_shows_no_object_of_a_damaged_file(data, tmp_path):
     data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3"])
     shard = tmp_path / "out" / "train-00000.safetensors"
     shard.write_bytes(shard.read_bytes()[:-1] + b"?")
     done = data("info", tmp_path / "out")
     assert done.exit_code == 2
-    assert "train-00000.safetensors is missing or has changed since it was built" in done.output
+    assert "train-00000.safetensors has changed since it was built" in done.output
 
 
 def test_make_takes_the_data_of_a_recipe(data, tmp_path):

@@ -1,5 +1,6 @@
 """A build that is stopped goes on, and ends with the bytes of one that was not."""
 
+import itertools
 import json
 import os
 import signal
@@ -12,10 +13,12 @@ import torch
 
 from pcsr import RunError, UserError
 from pcsr.data import build as module
+from pcsr.data import shards
 from pcsr.data.build import build_split, load_or_build
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
-from pcsr.data.shards import MANIFEST, read_manifest, shard_path
+from pcsr.data.shards import MANIFEST, damaged, read_manifest, shard_path, write_manifest
+from pcsr.files import sha256
 from pcsr.workers import WorkerPool, worker_pool
 
 ALONE = WorkerPool(None, 1)
@@ -60,15 +63,76 @@ def test_what_is_there_is_not_made_again(recipe, registry, tmp_path):
     assert mark.read_text().split()[10:] == [f"train/00{i}" for i in range(4, 8)]
 
 
-@pytest.mark.parametrize("damage", ["torn", "foreign"])
-def test_a_damaged_shard_is_made_again_before_the_split_is_done(recipe, registry, tmp_path, damage):
-    plan = Plan.of(recipe("count=10"), registry)
-    build_split(plan, "train", tmp_path, ALONE)
+def damage(folder, kind):
+    """Something that happened to a folder's training data."""
+    path = shard_path(folder, "train", 1)
+    whole = path.read_bytes()
+    if kind == "torn":
+        path.write_bytes(whole[:100])
+    elif kind == "foreign":
+        path.write_bytes(b"something else")
+    elif kind == "bit":
+        path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    elif kind == "missing":
+        path.unlink()
+    elif kind == "neighbour":
+        path.write_bytes(shard_path(folder, "train", 0).read_bytes())
+    elif kind == "exchanged":
+        other = shard_path(folder, "test", 0)
+        path = shard_path(folder, "train", 0)
+        one, two = path.read_bytes(), other.read_bytes()
+        path.write_bytes(two)
+        other.write_bytes(one)
+    elif kind == "manifest":
+        manifest = json.loads((folder / MANIFEST).read_text())
+        train = manifest["splits"]["train"]
+        train["objects"] -= train["shards"].pop()["objects"]
+        (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
+
+
+DAMAGE = ["torn", "foreign", "bit", "missing", "neighbour", "exchanged"]
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_damaged_data_is_refused_where_it_is_read(recipe, registry, tmp_path, kind):
+    plan = Plan.of(recipe("count=10", "held_out=4"), registry)
+    for split in ("train", "test"):
+        build_split(plan, split, tmp_path, ALONE)
+    damage(tmp_path, kind)
+    with pytest.raises(UserError, match=r"train-0000\d\.safetensors (is|has) .*: run the command that built it again"):
+        Split.load(tmp_path, "train")
+    said = damaged(tmp_path, read_manifest(tmp_path))
+    assert len(said) == (2 if kind == "exchanged" else 1)
+
+
+@pytest.mark.parametrize(("kind", "listed"), [*itertools.product(DAMAGE, [True, False]), ("manifest", True)])
+def test_a_damaged_shard_is_made_again_with_the_same_bytes(recipe, registry, tmp_path, kind, listed):
+    """With `listed` off the build was stopped: the manifest has no hashes yet, and the shards' cards have to do."""
+    plan = Plan.of(recipe("count=10", "held_out=4"), registry)
+    for split in ("train", "test"):
+        build_split(plan, split, tmp_path, ALONE)
     whole = files(tmp_path)
+    if not listed:
+        manifest = read_manifest(tmp_path)
+        write_manifest(tmp_path, manifest.model_copy(update={"splits": {}}))
+    damage(tmp_path, kind)
+    for split in ("train", "test"):
+        build_split(plan, split, tmp_path, ALONE)
+    if listed or kind != "bit":  # that of a shard which nobody has hashed yet stays
+        assert files(tmp_path) == whole
+
+
+def test_a_shard_is_hashed_once_in_a_process_unless_it_changes(recipe, registry, tmp_path, monkeypatch):
+    build_split(Plan.of(recipe("count=10"), registry), "train", tmp_path, ALONE)
+    read = []
+    monkeypatch.setattr(shards, "sha256", lambda path: read.append(path) or sha256(path))
+    Split.load(tmp_path, "train")
+    assert read == [], "the build has just hashed them"
     path = shard_path(tmp_path, "train", 1)
-    path.write_bytes(whole[path.name][:100] if damage == "torn" else b"something else")
-    build_split(plan, "train", tmp_path, ALONE)
-    assert files(tmp_path) == whole
+    path.write_bytes(path.read_bytes())
+    for _ in range(2):
+        Split.load(tmp_path, "train")
+    assert read == [path]
 
 
 def test_a_stop_at_any_object_changes_no_byte(recipe, registry, tmp_path):
@@ -103,33 +167,33 @@ def test_two_processes_make_the_same_bytes_as_one(recipe, registry, tmp_path):
 def test_every_object_is_in_the_data_or_among_the_rejected_with_its_reason(recipe, registry, tmp_path):
     plan = Plan.of(recipe("count=10", bad=[2, 4, 5, 6, 7]), registry)
     split = load_or_build(plan, "train", tmp_path, ALONE)
-    about = read_manifest(tmp_path)["splits"]["train"]
-    assert set(split.names) | set(about["rejected"]) == set(plan.names["train"])
-    assert about["rejected"] == {f"train/00{i}": f"train/00{i}: a bad ball" for i in (2, 4, 5, 6, 7)}
-    assert [shard["objects"] for shard in about["shards"]] == [3, 0, 2]
-    assert split.about["rejected"] == about["rejected"]
-    assert about["coverage"][1]["touches"] == 2
-    assert about["coverage"][1]["mean"] == pytest.approx(split.coverage(2))
+    about = read_manifest(tmp_path).splits["train"]
+    assert set(split.names) | set(about.rejected) == set(plan.names["train"])
+    assert about.rejected == {f"train/00{i}": f"train/00{i}: a bad ball" for i in (2, 4, 5, 6, 7)}
+    assert [shard.objects for shard in about.shards] == [3, 0, 2]
+    assert split.about["rejected"] == about.rejected
+    assert about.coverage[1].touches == 2
+    assert about.coverage[1].mean == pytest.approx(split.coverage(2))
 
 
 def test_a_split_without_a_usable_object_is_kept_and_said(recipe, registry, tmp_path):
     plan = Plan.of(recipe("count=2", bad=[0, 1]), registry)
     with pytest.raises(UserError, match="none of the objects of the split 'train' could be used: train/000: a bad"):
         load_or_build(plan, "train", tmp_path, ALONE)
-    assert len(read_manifest(tmp_path)["splits"]["train"]["rejected"]) == 2
+    assert len(read_manifest(tmp_path).splits["train"].rejected) == 2
 
 
 def test_a_fault_of_a_plugin_costs_one_object_and_is_tried_again(recipe, registry, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plan = Plan.of(recipe("count=10", "touch.fault=train/006"), registry)
     build_split(plan, "train", tmp_path / "data", ALONE)
-    about = read_manifest(tmp_path / "data")["splits"]["train"]
-    assert about["rejected"] == {"train/006": "train/006: ZeroDivisionError: a slip of the plugin"}
-    assert (about["faults"], about["objects"]) == (1, 9)
+    about = read_manifest(tmp_path / "data").splits["train"]
+    assert about.rejected == {"train/006": "train/006: ZeroDivisionError: a slip of the plugin"}
+    assert (about.faults, about.objects) == (1, 9)
     (tmp_path / "train-006").touch()  # mended
     build_split(plan, "train", tmp_path / "data", ALONE)
-    about = read_manifest(tmp_path / "data")["splits"]["train"]
-    assert (about["faults"], about["objects"], about["rejected"]) == (0, 10, {})
+    about = read_manifest(tmp_path / "data").splits["train"]
+    assert (about.faults, about.objects, about.rejected) == (0, 10, {})
 
 
 def test_a_folder_of_other_data_is_left_alone(recipe, registry, tmp_path):
@@ -163,10 +227,10 @@ def test_splits_are_built_one_by_one_into_one_manifest(recipe, registry, tmp_pat
     for split in ("test", "train", "validation"):
         build_split(plan, split, tmp_path, ALONE)
     manifest = read_manifest(tmp_path)
-    assert list(manifest["splits"]) == ["train", "validation", "test"]
-    assert manifest["fingerprint"] == plan.fingerprint
-    assert manifest["data"]["touch"]["use"] == "caps"
-    assert manifest["splits"]["train"]["sensors"] == ["cap"]
+    assert list(manifest.splits) == ["train", "validation", "test"]
+    assert manifest.fingerprint == plan.fingerprint
+    assert manifest.data.touch.use == "caps"
+    assert manifest.splits["train"].sensors == ("cap",)
 
 
 def test_touches_of_unequal_size_are_refused_by_name(recipe, registry, tmp_path):

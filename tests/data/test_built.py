@@ -11,7 +11,7 @@ from pcsr.data.build import build_split
 from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
-from pcsr.data.shards import MANIFEST, read_manifest, write_manifest
+from pcsr.data.shards import MANIFEST, read_manifest
 from pcsr.workers import worker_pool
 
 
@@ -40,7 +40,7 @@ def two(recipe, folders):
 
 def test_one_folder_is_what_it_is(two):
     (folder, _), built = two, Built.read(two[:1])
-    assert built.fingerprint == read_manifest(folder)["fingerprint"]
+    assert built.fingerprint == read_manifest(folder).fingerprint
     assert (built.joined, built.missing()) == ((), [])
     one, other = built.split("train"), Split.load(folder, "train")
     assert (one.names, one.about) == (other.names, other.about)
@@ -62,7 +62,7 @@ def test_a_joined_split_holds_every_object_of_its_folders_in_order(two):
 
 
 def test_the_fingerprint_is_a_hash_of_theirs_in_order(two):
-    prints = [read_manifest(folder)["fingerprint"] for folder in two]
+    prints = [read_manifest(folder).fingerprint for folder in two]
     built, swapped = Built.read(two), Built.read(two[::-1])
     assert built.fingerprint == hashlib.sha256(json.dumps(prints).encode()).hexdigest()
     assert built.fingerprint != swapped.fingerprint
@@ -185,8 +185,18 @@ def test_the_card_lists_each_folder_without_where_it_lies(two):
     assert str(two[0].parent) not in json.dumps([first, second])
 
 
-def test_a_manifest_without_settings_is_no_crash(tmp_path, two):
-    manifest = read_manifest(two[0])
-    write_manifest(tmp_path, {**manifest, "data": {}})
-    with pytest.raises(UserError, match="points is 16 in the first and None in the second"):
+def test_a_manifest_without_settings_is_refused(tmp_path, two):
+    manifest = json.loads((two[0] / MANIFEST).read_text())
+    (tmp_path / MANIFEST).write_text(json.dumps({**manifest, "data": {}}))
+    with pytest.raises(
+        UserError, match=r"is not a manifest of pcsr data: data\.shapes is missing: add it \(and 7 more\)"
+    ):
         Built.read([two[0], tmp_path])
+
+
+def test_progress_is_told_in_objects(two):
+    counts = []
+    built = Built.read(two)
+    built.split("train", counts.append)
+    assert sum(counts) == built.objects("train") == 6
+    assert all(path.is_file() for path in built.shards("train"))

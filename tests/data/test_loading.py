@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 
 import pytest
 import torch
@@ -10,6 +11,7 @@ from pcsr.data.batches import Batches
 from pcsr.data.loading import prepared
 from pcsr.errors import UserError
 from tests.data.test_batches import ALL, batches, clouds, split
+from tests.processes import alive, killed_while, wait_for
 
 
 class Told(Batches):
@@ -52,6 +54,28 @@ def test_a_stop_of_the_process_group_leaves_the_loaders_alone_so_that_the_step_i
         assert len(list(ahead)) == 39
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+PARENT = """
+import os, pathlib, time
+from pcsr.data.batches import Batches
+from pcsr.data.loading import prepared
+from tests.data.test_batches import split
+
+class Slow(Batches):
+    def at(self, step, rank=0, ranks=1):
+        pathlib.Path(f"{os.getpid()}.ready").touch()
+        time.sleep(60)
+
+list(prepared(Slow(split(), 4, (0, 2), (), 3), range(8), 2))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it asks ps")
+def test_loaders_end_with_a_training_that_was_killed(tmp_path):
+    with killed_while(PARENT, "", tmp_path, ready=2) as (loaders, _):
+        assert len(loaders) == 2
+        assert wait_for(lambda: not any(map(alive, loaders)), 2)
 
 
 def test_no_process_is_started_where_none_is_asked_for():

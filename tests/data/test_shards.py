@@ -15,9 +15,9 @@ from pcsr.data.shards import (
     read_clouds,
     read_manifest,
     shard_path,
-    write_manifest,
     write_shard,
 )
+from pcsr.files import sha256
 from pcsr.geometry.frames import UnitSphere
 
 
@@ -35,13 +35,37 @@ def sample(name, touches=2, seed=0):
     )
 
 
-def write(folder, results, number=0, fingerprint="abc"):
+PRINT = "ab" * 32
+
+
+def write(folder, results, number=0, fingerprint=PRINT):
     write_shard(shard_path(folder, "train", number), results, fingerprint)
 
 
-def manifest(folder, shards, fingerprint="abc"):
-    train = {"shards": [{"file": f"train-{number:05d}.safetensors"} for number in shards]}
-    write_manifest(folder, {"format": 1, "fingerprint": fingerprint, "data": {}, "splits": {"train": train}})
+def manifest(folder, shards, **changes):
+    """Write a manifest of training shards that are there; `changes` go into what it says of the split."""
+    paths = [shard_path(folder, "train", number) for number in shards]
+    cards = [read_card(path) for path in paths]
+    shares = [row for card in cards for row in card.coverage]
+    touches = len(shares[0]) if shares else 2
+    train = {
+        "objects": len(shares),
+        "groups": 1,
+        "sensors": ["digit"],
+        "coverage": [{"touches": k + 1, "mean": 0.1, "p10": 0.1, "p50": 0.1, "p90": 0.1} for k in range(touches)],
+        "rejected": {},
+        "faults": 0,
+        "shards": [
+            {"file": path.name, "objects": len(card.names), "sha256": sha256(path)}
+            for path, card in zip(paths, cards, strict=True)
+        ],
+    }
+    data = {
+        "shapes": {"use": "balls"}, "touch": {"use": "caps"}, "touches": touches, "points": 10, "rate": 4,
+        "truth": "fps", "sampling": "random", "view": {}, "seed": 0,
+    }  # fmt: skip
+    whole = {"format": 1, "made_by": "pcsr 0", "fingerprint": PRINT, "data": data, "empty": {}}
+    (folder / MANIFEST).write_text(json.dumps({**whole, "splits": {"train": {**train, **changes}}}))
 
 
 def test_objects_come_back_as_they_were(tmp_path):
@@ -52,7 +76,7 @@ def test_objects_come_back_as_they_were(tmp_path):
     split = Split.load(tmp_path, "train")
     assert split.names == ["a", "b", "c"]
     assert split.groups == ["group of a", "group of b", "group of c"]
-    assert split.about == {"fingerprint": "abc", "rejected": {"bad": "bad: no"}}
+    assert split.about == {"fingerprint": PRINT, "rejected": {"bad": "bad: no"}}
     for k, one in enumerate(made):
         for name in ("truth", "points", "touches"):
             assert torch.equal(getattr(split, name)[k], torch.from_numpy(getattr(one, name)))
@@ -64,7 +88,7 @@ def test_objects_come_back_as_they_were(tmp_path):
 def test_a_shard_may_hold_nothing_but_reasons(tmp_path):
     write(tmp_path, [("a", Rejected("a: no", fault=True)), ("b", Rejected("b: no"))])
     card = read_card(shard_path(tmp_path, "train", 0))
-    assert (card["names"], card["faults"], len(card["rejected"])) == ([], 1, 2)
+    assert (card.names, card.faults, len(card.rejected)) == ((), 1, 2)
     assert read_clouds(shard_path(tmp_path, "train", 0))["truth"].numel() == 0
 
 
@@ -97,7 +121,9 @@ def test_spread_takes_from_the_whole_split(tmp_path):
 def test_a_file_that_is_no_shard_is_named(tmp_path, content):
     path = tmp_path / "x.safetensors"
     path.write_bytes(content)
-    with pytest.raises(UserError, match=r"x\.safetensors is not a shard of pcsr data .*: delete it and build again"):
+    with pytest.raises(
+        UserError, match=r"x\.safetensors is not a shard of pcsr data .*: run the command that built it again"
+    ):
         read_card(path)
 
 
@@ -110,13 +136,15 @@ def test_weights_are_no_shard(tmp_path):
 
 
 def test_a_missing_shard_is_named(tmp_path):
+    write(tmp_path, [("a", sample("a"))])
     manifest(tmp_path, [0])
-    with pytest.raises(UserError, match=r"train-00000\.safetensors is not a shard"):
+    shard_path(tmp_path, "train", 0).unlink()
+    with pytest.raises(UserError, match=r"train-00000\.safetensors is missing: run the command that built it again"):
         Split.load(tmp_path, "train")
 
 
 def test_a_shard_of_other_data_is_named(tmp_path):
-    write(tmp_path, [("a", sample("a"))], fingerprint="other")
+    write(tmp_path, [("a", sample("a"))], fingerprint="cd" * 32)
     manifest(tmp_path, [0])
     with pytest.raises(UserError, match=r"train-00000\.safetensors belongs to other data"):
         Split.load(tmp_path, "train")
