@@ -2,6 +2,7 @@
 
 import copy
 import importlib
+import warnings
 from io import BytesIO
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
 from pcsr.errors import UserError
+from pcsr.limits import check_inflated
 
 REMEDY = "pip install 'pcsr[las]'"
 RANGE = 2**31 - 1
@@ -30,7 +32,9 @@ def read(data: bytes) -> Cloud:
     laspy = _laspy()
     _check_counts(data)
     try:
-        las = laspy.read(BytesIO(data))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what it finds odd in a header
+            las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
         hint = f": {REMEDY}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
@@ -57,6 +61,8 @@ def _check_counts(data: bytes) -> None:
     there = max(0, len(data) - _whole(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
         raise UserError(f"it is cut off: {there} of its {count} points are there")
+    if compressed:
+        check_inflated(len(data), count * size)
 
 
 def _whole(data: bytes, at: int, size: int) -> int:

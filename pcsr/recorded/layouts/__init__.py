@@ -7,7 +7,7 @@ from typing import Any
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
 from pcsr.recorded.layouts import gsrobotics, normalflow, pterotactyl, smith_2020, ycb_slide
-from pcsr.recorded.manifest import Strict, checked
+from pcsr.recorded.manifest import Strict, checked, short
 
 Read = Callable[[Path, Any], Iterator[tuple[str, Touch | str]]]
 
@@ -33,7 +33,7 @@ def read(folder: Path, layout: dict[str, Any]) -> Iterator[tuple[str, Touch | st
     """
     name = layout.get("name")
     if not isinstance(name, str) or name not in LAYOUTS:
-        raise UserError(f"touches.json: layout.name: no layout {name!r}: {did_you_mean(str(name), LAYOUTS)}")
+        raise UserError(f"touches.json: layout.name: no layout {short(name)}: {did_you_mean(short(name), LAYOUTS)}")
     options, read_folder = LAYOUTS[name]
     said = {key: value for key, value in layout.items() if key != "name"}
     return read_folder(folder, checked(options, said, "layout"))
