@@ -63,6 +63,8 @@ def _picture(path: Path) -> np.ndarray:
                 mode, levels = image.mode, np.array(image)
     except UserError:
         raise
+    except Image.DecompressionBombError as error:
+        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels, the most: make it smaller") from error
     except Exception as error:  # Pillow raises whatever a malformed file makes it trip over
         reason = "it is damaged, or no PNG or JPEG" if isinstance(error, UnidentifiedImageError) else error
         raise UserError(f"{path} cannot be read as an image: {reason}") from error
