@@ -1,5 +1,6 @@
 """Evaluation: a network beside baselines on one split, every metric for every object."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

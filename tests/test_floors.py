@@ -37,6 +37,8 @@ FLOORS = {
     "pcsr.geometry": 0,
     "pcsr.tensors": 0,
     "pcsr.files": 0,
+    "pcsr.inputs": 0,
+    "pcsr.limits": 0,
     "pcsr.progress": 0,
     "pcsr.threads": 0,
     "pcsr.workers": 0,
@@ -47,6 +49,9 @@ FLOORS = {
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.
     ("pcsr.files", "pcsr.errors"),
+    ("pcsr.inputs", "pcsr.errors"),
+    ("pcsr.inputs", "pcsr.limits"),
+    ("pcsr.limits", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
     ("pcsr.extras", "pcsr.errors"),

@@ -1,6 +1,7 @@
 """LAS and LAZ, as laser scanners of landscapes give them: laspy reads and writes them, where it is installed."""
 
 import copy
+import warnings
 from io import BytesIO
 from typing import Any
 
@@ -10,6 +11,7 @@ from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
 from pcsr.errors import UserError
 from pcsr.extras import imported, remedy, require
+from pcsr.limits import check_inflated
 
 USER = "the format LAS"
 """What needs laspy, in a message to who hasn't got it."""
@@ -31,7 +33,9 @@ def read(data: bytes) -> Cloud:
     laspy = imported("laspy", USER)
     _check_counts(data)
     try:
-        las = laspy.read(BytesIO(data))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what it finds odd in a header
+            las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
         hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
@@ -58,6 +62,8 @@ def _check_counts(data: bytes) -> None:
     there = max(0, len(data) - _whole(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
         raise UserError(f"it is cut off: {there} of its {count} points are there")
+    if compressed:
+        check_inflated(len(data), count * size)
 
 
 def _whole(data: bytes, at: int, size: int) -> int:
