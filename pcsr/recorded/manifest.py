@@ -211,7 +211,7 @@ def checked(model: type[Model], value: Any, place: str) -> Model:
     try:
         return model.model_validate(value)
     except ValidationError as error:
-        mistakes = error.errors(include_url=False, include_context=False)
+        mistakes = error.errors(include_url=False)
         lines = [f"touches.json: {_mistake(one, model, place)}" for one in mistakes[:MISTAKES]]
         lines += [f"touches.json: and {len(mistakes) - MISTAKES} mistakes more"] if len(mistakes) > MISTAKES else []
         raise UserError("\n".join(dict.fromkeys(lines))) from error

@@ -228,7 +228,7 @@ def test_an_order_that_is_none_is_refused(folder, order):
         ({"height": "0.npy", "pose": STILL}, "touches.1.mm_per_level is missing: add it; touches.json: touches.1.mm"),
         ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it says cloud and depth: it needs one of"),
         ("0.npy", "touches.1: it says none"),
-        ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be more"),
+        ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be 0 or more, got -1"),
     ],
 )
 def test_a_bad_entry_is_left_out_and_the_others_go_on(folder, touch, expected):
