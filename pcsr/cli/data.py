@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import FILE, plugin_option
+from pcsr.cli.options import FILE, JOBS, plugin_option
 from pcsr.errors import UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def data() -> None:
     "--set touch.object_size=30. May be repeated.",
 )
 @plugin_option
-@click.option("--jobs", type=click.IntRange(1), default=None, help="Processes on this machine.  [default: all cores]")
+@click.option("--jobs", type=JOBS, default=None, help="Processes on this machine.  [default: all cores]")
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
 def make(
     shapes: str,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, JOBS
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -32,21 +32,21 @@ _OPTIONS = (
     ),
     click.option(
         "--devices",
-        type=click.IntRange(1),
+        type=click.IntRange(1, 256),
         default=1,
         show_default=True,
         help="Processes on this machine, one for each GPU.",
     ),
     click.option(
         "--nodes",
-        type=click.IntRange(1),
+        type=click.IntRange(1, 4096),
         default=1,
         show_default=True,
         help="Machines, as torchrun or SLURM started them.",
     ),
     click.option(
         "--jobs",
-        type=click.IntRange(1),
+        type=JOBS,
         default=None,
         help="Processes for data, metrics and a GPU's batches.  [default: all cores]",
     ),

@@ -1,0 +1,91 @@
+"""Standard input, output and error of a command, where one of them may be closed, full, or not of UTF-8."""
+
+import io
+import os
+import sys
+from contextlib import suppress
+
+from pcsr.errors import RunError, UserError
+
+CHUNK = 1 << 24
+MOST_PIPED = 1 << 31
+"""Bytes that are read from a pipe."""
+
+
+def prepare() -> None:
+    """Make the three streams usable, whatever the shell did with them.
+
+    A closed one is opened onto nothing: the next file that is opened would take its number, and whatever a library
+    prints would go into that file. What the encoding of a terminal lacks, such as ×, is written as an escape.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 it stays open
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def piped() -> bytes:
+    """All that comes through standard input.
+
+    Raises:
+        UserError: it is closed, or there is no end to it.
+    """
+    if sys.stdin is None:
+        raise UserError("-: standard input is closed: name a file, or let a command write into the pipe")
+    chunks, size = [], 0
+    while chunk := sys.stdin.buffer.read(CHUNK):
+        chunks.append(chunk)
+        size += len(chunk)
+        if size > MOST_PIPED:
+            raise UserError(
+                f"-: more than {MOST_PIPED} bytes came through the pipe: write them to a file, and name that"
+            )
+    return b"".join(chunks)
+
+
+def open_output() -> None:
+    """Refuse to compute what nobody could be given.
+
+    Raises:
+        UserError: standard output is closed.
+    """
+    if sys.__stdout__ is None:
+        raise UserError("-o -: standard output is closed: name a file, or let a command read from the pipe")
+
+
+def put(content: bytes) -> None:
+    """Write bytes to standard output, all of them."""
+    sys.stdout.buffer.write(content)
+    sys.stdout.flush()
+
+
+def flush() -> None:
+    """Write what is still to be written to standard output.
+
+    Raises:
+        RunError: the disk is full; the rest is given up, so that the end of the process does not try again.
+    """
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        give_up()
+        raise RunError(f"standard output cannot be written: {error.strerror}") from error
+
+
+def give_up() -> None:
+    """Forget what could not be written to the streams: the end of the process would try again, and complain."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            with suppress(OSError):  # a stream of a test has no number
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
