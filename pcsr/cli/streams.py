@@ -8,6 +8,9 @@ from contextlib import suppress
 from pcsr.errors import RunError, UserError
 
 CHUNK = 1 << 24
+"""Bytes that are read from a pipe at once."""
+WIDTHS = range(20, 10_000)
+"""Columns of a terminal that text and tables can be fitted into."""
 MOST_PIPED = 1 << 31
 """Bytes that are read from a pipe."""
 
@@ -16,17 +19,22 @@ def prepare() -> None:
     """Make the three streams usable, whatever the shell did with them.
 
     A closed one is opened onto nothing: the next file that is opened would take its number, and whatever a library
-    prints would go into that file. What the encoding of a terminal lacks, such as ×, is written as an escape.
+    prints would go into that file. What the encoding of a terminal lacks, such as ×, is written as an escape. A width
+    of the terminal that nothing fits into is forgotten.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
             os.dup2(os.open(os.devnull, os.O_RDWR), number)
+            os.set_inheritable(number, True)
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 it stays open
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and not (len(columns) < 6 and int(columns) in WIDTHS):
+        del os.environ["COLUMNS"]
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
 
