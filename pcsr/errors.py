@@ -11,6 +11,8 @@ class PcsrError(Exception):
     """Anything that pcsr itself reports. `exit_code` is what the command line returns."""
 
     exit_code = 1
+    placed = False
+    """Whether each line of the message begins with a place in a file, which editors and terminals make a link."""
 
 
 class UserError(PcsrError):
@@ -21,6 +23,10 @@ class UserError(PcsrError):
 
 class RunError(PcsrError):
     """A run that could not finish through no mistake in its input: a full disk, a loss that is not finite."""
+
+
+class PcsrWarning(UserWarning):
+    """A remark of pcsr's own. The command line shows these, and no other library's."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -1,5 +1,6 @@
 """pcsr from Python: load a model, upsample clouds of any kind and size."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
 from pcsr.extras import imported
 from pcsr.geometry.magnitude import exponent, scaled
+from pcsr.mistakes import shown
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
@@ -162,20 +164,25 @@ def load(
 
 def _found(name: str) -> Path:
     """The weights file that a person means."""
-    path = Path(name).expanduser()
-    if path.is_dir():
+    if not name:
+        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
+    # These take a user that isn't there, and a name that no file can have, for a file that isn't there.
+    path = Path(os.path.expanduser(name))
+    if os.path.isdir(path):
         path = path / WEIGHTS
         if not path.is_file():
             raise UserError(f"the folder {name} holds no {WEIGHTS}: give the folder of a finished run, or a file")
         return path
-    if path.is_file():
+    if os.path.isfile(path):
         return path
-    if weights.shipped(name).is_file():
+    if name in weights.names():
         return weights.shipped(name)
-    if name.count("/") == 1 and not path.suffix and not path.parent.exists():
+    if name.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
         return _from_hub(name)
     known = [INTERPOLATION, *weights.names()]
-    raise UserError(f"there is no model '{name}', neither a file nor a folder nor a name: {did_you_mean(name, known)}")
+    raise UserError(
+        f"there is no model {shown(name)}, neither a file nor a folder nor a name: {did_you_mean(name, known)}"
+    )
 
 
 def _from_hub(name: str) -> Path:

@@ -10,6 +10,11 @@ LONGEST = 80
 Context = Mapping[str, Any]
 
 
+def shortened(text: str, longest: int = LONGEST) -> str:
+    """A text, cut where it is long."""
+    return text if len(text) <= longest else f"{text[:longest]}…"
+
+
 def shown(value: Any) -> str:
     """A value as Python writes it, shortened where it is long.
 
@@ -17,11 +22,11 @@ def shown(value: Any) -> str:
         value: anything; an integer of a million digits and a list that holds itself too.
     """
     if isinstance(value, str):
-        return _shortened(repr(value[: 2 * LONGEST]))
+        return shortened(repr(value[: 2 * LONGEST]))
     if isinstance(value, int) and value.bit_length() > 4 * LONGEST:  # Python refuses to write very long ones
         return f"a number of about {round(value.bit_length() * 0.30103)} digits"
     try:
-        return _shortened(repr(value))
+        return shortened(repr(value))
     except (ValueError, RecursionError, MemoryError):
         return f"a {type(value).__name__}"
 
@@ -97,7 +102,3 @@ WANTED: dict[str, Callable[[Context], str]] = {
     "missing_argument": lambda _: "given",
 }
 """What a value that meets each of pydantic's errors must be; a new kind of constraint gets its line here."""
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"

@@ -1,16 +1,24 @@
 """The command line: `pcsr COMMAND`. A command's module is imported when the command is called, not before."""
 
+# isort: off
+from pcsr.cli import interrupt  # before all that takes its time
+
+# isort: on
 import errno
 import importlib
+import os
 import traceback
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib.metadata import distributions
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import click
 
-from pcsr import __version__
-from pcsr.errors import PcsrError, RunError, UserError, did_you_mean
+from pcsr import __version__, threads
+from pcsr.cli import streams
+from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError, did_you_mean
 
 GROUP = "pcsr.commands"
 """The entry-point group in which plugins announce commands: `name = "module:click_command"`."""
@@ -102,20 +110,66 @@ class Commands(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """Read the options in front of a command; `--help` prints its page here."""
+        with _told():
+            return super().make_context(*args, **kwargs)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; what goes wrong ends here."""
-        try:
-            return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
-        except (Exception, KeyboardInterrupt) as error:
-            if isinstance(error, OSError) and error.errno == errno.EPIPE:
-                raise  # the reader of our output left, as `head` does: click knows what to do
-            if ctx.params["traceback"]:
+        with _told(ctx.params["traceback"]), _own_warnings(all_of_them=ctx.params["traceback"]):
+            _check_folder()
+            result = super().invoke(ctx)
+            streams.flush()
+            return result
+
+
+@contextmanager
+def _told(trace: bool = False) -> Iterator[None]:
+    """Turn whatever goes wrong into one line and an exit code; `trace` shows where it arose, too."""
+    try:
+        yield
+    except (click.ClickException, click.exceptions.Exit, click.Abort):
+        raise
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, OSError) and error.errno == errno.EPIPE:
+            raise  # the reader of our output left, as `head` does: click knows what to do
+        message, code = explain(error)
+        with suppress(OSError):  # a full disk behind the messages changes no exit code
+            if trace:
                 traceback.print_exc()
-            message, code = explain(error)
             click.echo(message, err=True)
-            ctx.exit(code)
+        streams.give_up()
+        raise click.exceptions.Exit(code) from error
+
+
+@contextmanager
+def _own_warnings(*, all_of_them: bool) -> Iterator[None]:
+    """Show pcsr's own warnings, a line each. Those of numpy and torch mean something to programmers alone."""
+    with warnings.catch_warnings():
+        if not all_of_them:
+            warnings.showwarning = _show_warning
+        yield
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,  # noqa: ARG001 the signature is that of the standard library
+    lineno: int,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
+    line: str | None = None,  # noqa: ARG001
+) -> None:
+    if issubclass(category, PcsrWarning):
+        click.echo(f"pcsr: warning: {message}", err=True)
+
+
+def _check_folder() -> None:
+    """Raises UserError where the current folder is gone: torch's libraries would end the process without a word."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        raise UserError(f"the current folder cannot be used ({error.strerror}): change to another one") from error
 
 
 def _load(owner: str, point: Any) -> click.Command:
@@ -132,18 +186,16 @@ def _load(owner: str, point: Any) -> click.Command:
 
 def explain(error: BaseException) -> tuple[str, int]:
     """What a person reads of an error, and the code to exit with."""
-    from pcsr.recipe import RecipeError  # here, as help pages need no pydantic
-
     match error:
-        case RecipeError():  # its lines begin with their place, which editors and terminals make a link
-            return str(error), error.exit_code
         case PcsrError():
-            return f"pcsr: error: {error}", error.exit_code
+            return str(error) if error.placed else f"pcsr: error: {error}", error.exit_code
         case KeyboardInterrupt():
-            return "interrupted; the same command again goes on from what is done", 130
+            return interrupt.MESSAGE, interrupt.CODE
         case OSError(errno=errno.ENOSPC):
             where = f" (writing {error.filename})" if error.filename else ""
             return f"pcsr: error: the disk is full{where}: free some space and run again", RunError.exit_code
+        case OSError(strerror=str(reason)):
+            return f"pcsr: error: {f'{error.filename}: ' if error.filename else ''}{reason}", RunError.exit_code
     described = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     return f"pcsr: error: {described} (run again with --traceback: pcsr --traceback …)", 1
 
@@ -160,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     0: done; 1: a failure; 2: a mistake in what was given; 130: interrupted.
     """
-    from pcsr.threads import wait_passively
-
-    wait_passively()  # before a command imports torch
+    streams.prepare()
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes, whose warnings nobody else holds back
+    threads.wait_passively()  # before a command imports torch
     pcsr.main(args=arguments, prog_name="pcsr")

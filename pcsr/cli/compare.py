@@ -26,7 +26,9 @@ def _part_options(command: Any) -> Any:
 @click.command()
 @click.argument("recipes", nargs=-1, required=True, type=FILE)
 @_part_options
-@click.option("--seeds", type=click.IntRange(1), default=1, show_default=True, help="Trainings of each, on one data.")
+@click.option(
+    "--seeds", type=click.IntRange(1, 1000), default=1, show_default=True, help="Trainings of each, on one data."
+)
 @click.option("--name", default="compare", show_default=True, help="Of the page with the tables.")
 @set_option
 @plugin_option

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, PLUGIN
 from pcsr.errors import UserError
 
 
@@ -36,7 +36,7 @@ class _Batch(click.IntRange):
     help="Clouds at once, or dynamic: any.",
 )
 @click.option("--half", is_flag=True, help="Weights in half precision, in half the space.")
-@click.option("--plugin", "plugins", multiple=True, type=FILE, metavar="FILE", help="Parts that the weights need.")
+@click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Parts that the weights need.")
 def export(
     model: str,
     out: Path,

@@ -1,13 +1,60 @@
 """Options that several commands share."""
 
 import functools
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
+from pcsr.errors import UserError
+
 Result = TypeVar("Result")
+
+
+class _File(click.Path):
+    """A path that a file can have.
+
+    An empty one, such as an unset variable of a shell gives, is a mistake and not the folder we are in.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse a path that no file can have: to look for it would be an error of many kinds."""
+        text = os.fspath(value)
+        if text == "":
+            self.fail("it is empty: name a file or folder", param, ctx)
+        if "\0" in text:
+            self.fail(f"{text[:40]!r}: names of files hold no NUL", param, ctx)
+        longest = max(len(os.fsencode(part)) for part in Path(text).parts or [text])
+        if longest > LONGEST_NAME or len(text) > LONGEST_PATH:
+            self.fail(f"'{text[:40]}…' is longer than any name of a file: shorten it", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+LONGEST_NAME = 255
+"""Bytes of the name of a file or folder, on all common file systems."""
+LONGEST_PATH = 4096
+"""Characters of a path; Linux takes no more."""
+FILE = _File(path_type=Path)
+"""The type of every path that a command takes."""
+
+
+class _Plugin(_File):
+    """A Python file that is there."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse a plugin that isn't there, whether the command comes to need it or not."""
+        path = super().convert(value, param, ctx)
+        if not os.path.isfile(path):
+            raise UserError(
+                f"--plugin {path}: {'that is a folder' if os.path.isdir(path) else 'there is no such file'}"
+            )
+        return path
+
+
+PLUGIN = _Plugin(path_type=Path)
+"""The type of `--plugin`."""
 
 
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
@@ -17,7 +64,7 @@ def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
         "--plugin",
         "plugin_files",
         multiple=True,
-        type=click.Path(path_type=Path),
+        type=PLUGIN,
         metavar="FILE",
         help="Load parts from this Python file too. May be repeated.",
     )
@@ -28,20 +75,6 @@ def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
         return command(*args, registry=load_plugins(plugin_files), **kwargs)
 
     return with_registry
-
-
-class _File(click.Path):
-    """A path; an empty one, such as an unset variable of a shell gives, is a mistake and not the folder we are in."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse an empty path."""
-        if str(value) == "":
-            self.fail("it is empty: name a file or folder", param, ctx)
-        return super().convert(value, param, ctx)
-
-
-FILE = _File(path_type=Path)
-"""The type of every path that a command takes."""
 
 
 def _jobs(_ctx: click.Context, _param: click.Parameter, value: int | None) -> int | None:

@@ -98,7 +98,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pydantic import ValidationError
 
-    from pcsr.mistakes import explained
+    from pcsr.mistakes import explained, shortened, shown
     from pcsr.recipe.schema import options_model
     from pcsr.recipe.source import Place, scalar
 
@@ -109,12 +109,13 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     for override in overrides:
         key, equals, value = override.partition("=")
         key = key.strip()
+        place = f"--set {shortened(override, 200)}"
         if not equals:
-            raise UserError(f"--set {override}: write KEY=VALUE")
+            raise UserError(f"{place}: write KEY=VALUE")
         if key not in model.model_fields:
             remedy = did_you_mean(key, model.model_fields)
-            raise UserError(f"--set {override}: {entry.kind} '{entry.name}' takes no '{key}': {remedy}")
-        given[key] = scalar(value, Place(f"--set {override}"))
+            raise UserError(f"{place}: {entry.kind} '{entry.name}' takes no {shown(key)}: {remedy}")
+        given[key] = scalar(value, Place(place))
     try:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:

@@ -32,14 +32,14 @@ _OPTIONS = (
     ),
     click.option(
         "--devices",
-        type=click.IntRange(1, 1024),
+        type=click.IntRange(1, 256),
         default=1,
         show_default=True,
         help="Processes on this machine, one for each GPU.",
     ),
     click.option(
         "--nodes",
-        type=click.IntRange(1, 1024),
+        type=click.IntRange(1, 4096),
         default=1,
         show_default=True,
         help="Machines, as torchrun or SLURM started them.",

@@ -1,13 +1,14 @@
 """`pcsr upsample`: a person's own cloud, made dense."""
 
-import sys
+import re
 from pathlib import Path
 from typing import Literal
 
 import click
 
-from pcsr.cli.options import FILE, jobs_option
-from pcsr.errors import UserError
+from pcsr.cli import streams
+from pcsr.cli.options import FILE, PLUGIN, jobs_option
+from pcsr.errors import PcsrWarning, UserError
 
 PIPE = Path("-")
 
@@ -16,7 +17,9 @@ PIPE = Path("-")
 @click.argument("cloud", type=FILE, metavar="IN")
 @click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="The dense cloud; - for a pipe.")
 @click.option("--rate", type=float, default=None, help="Points that come out for each, 1.1 to 64.  [default: 4]")
-@click.option("--points", "count", type=int, default=None, help="Points that come out, instead of a rate.")
+@click.option(
+    "--points", "count", type=click.IntRange(1), default=None, help="Points that come out, instead of a rate."
+)
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
@@ -40,7 +43,7 @@ PIPE = Path("-")
     "--plugin",
     "plugins",
     multiple=True,
-    type=FILE,
+    type=PLUGIN,
     metavar="FILE",
     help="Parts that the weights need. May be repeated.",
 )
@@ -85,8 +88,10 @@ def upsample(
     console = Console(stderr=True, quiet=quiet)
     kind = f".{suffix.lstrip('.')}"
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
+    if out == PIPE:
+        streams.open_output()
     given = (
-        read_cloud_pipe(sys.stdin.buffer, kind, "what came through the pipe", bad=bad)
+        read_cloud_pipe(streams.open_input(), kind, "what came through the pipe", bad=bad)
         if cloud == PIPE
         else read_cloud(cloud, bad=bad)
     )
@@ -104,7 +109,7 @@ def upsample(
 
     made = load(model, plugins=plugins, device=_device(device))
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
-        warnings.simplefilter("always", UserWarning)
+        warnings.simplefilter("always", PcsrWarning)
         task = progress.add_task("upsampling", total=len(given.points))
         dense = given.with_new(  # straight from hand to hand, so that nobody holds the new points twice
             made.new_points(
@@ -120,9 +125,10 @@ def upsample(
             keep=not replace,
         )
     for one in said:
-        console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+        if issubclass(one.category, PcsrWarning):
+            console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     if out == PIPE:
-        sys.stdout.buffer.write(cloud_bytes(dense, kind))
+        streams.put(cloud_bytes(dense, kind))
     else:
         write_cloud(out, dense)
     if mesh is not None:
@@ -139,10 +145,17 @@ def upsample(
 def _device(name: str) -> str:
     import torch
 
+    from pcsr.mistakes import shown
+
+    found = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if name == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    if name.startswith("cuda") and not torch.cuda.is_available():
+        return "cuda" if found else "cpu"
+    if name != "cpu" and not re.fullmatch(r"cuda(:\d{1,3})?", name):
+        raise UserError(f"--device {shown(name)}: pcsr computes on auto, cpu, cuda, or cuda:1 for the second device")
+    if name != "cpu" and not found:
         raise UserError(f"--device {name}: torch finds no CUDA device here; use cpu, or install torch for CUDA")
+    if name != "cpu" and int(name.partition(":")[2] or 0) >= found:
+        raise UserError(f"--device {name}: the last of the CUDA devices here is cuda:{found - 1}")
     return name
 
 

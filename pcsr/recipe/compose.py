@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError
-from pcsr.mistakes import shown, shown_path
+from pcsr.mistakes import shortened, shown, shown_path
 from pcsr.recipe.schema import DEFAULTS, NAME
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
 
@@ -18,6 +18,8 @@ MOST_RUNS = 1_000
 """Runs that one command composes: rows of a matrix, recipes of a study, and both together."""
 MOST_PARENTS = 32
 """Files that extend each other in a row."""
+LONGEST_PLACE = 200
+"""Characters of an option that stand in front of what is wrong with it."""
 LONGEST_LABEL = 60
 """Characters that a value of a matrix adds to the name of its run."""
 PARTS: dict[Keys, str] = {
@@ -184,7 +186,7 @@ def lay_over(source: Source, override: str, written: str | None = None) -> None:
         override: what to apply.
         written: what a person wrote for it, if that was something else.
     """
-    place = Place(f"--set {_short(written or override)}")
+    place = Place(f"--set {shortened(written or override, LONGEST_PLACE)}")
     dotted, equals, text = override.partition("=")
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")
@@ -223,10 +225,6 @@ def _add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
         source.values.setdefault(("matrix",), source.values[()])
         for number, value in enumerate(values):
             source.values["matrix", axis, number] = Place(f"--{axis.rpartition('.')[2]} {value}")
-
-
-def _short(override: str) -> str:
-    return shown(override)[1:-1] if len(override) > 200 else override
 
 
 def _varied(rows: Any) -> set[str]:

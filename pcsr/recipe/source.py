@@ -53,6 +53,8 @@ class Mistake(NamedTuple):
 class RecipeError(UserError):
     """All mistakes of a recipe, a line each, in the order of the file."""
 
+    placed = True
+
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = sorted(set(mistakes))
         more = len(self.mistakes) - MOST_TOLD

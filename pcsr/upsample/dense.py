@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.geometry.patches import OwnFrame, patches
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates, Cloud
@@ -112,6 +112,7 @@ def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
     warnings.warn(
         f"{len(felt)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
         f"surface that it does not show: if it does show it there, these touches are misplaced{more}",
+        PcsrWarning,
         stacklevel=5,
     )
 
