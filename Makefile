@@ -1,6 +1,8 @@
-# `make run` and `make test` do their own set-up, once. They need Python 3.11-3.13 and make, nothing else.
+# `make run` and `make test` do their own set-up, once. They need Python 3.11 or newer and make, nothing else.
 PYTHON ?= python3
 BIN := .venv/bin
+# What runs and tests need. The tests do without the hub and, where it is not installed, without Open3D.
+EXTRAS := train,simulate,report,pcd,las,cluster,onnx
 
 # `make test PROCESSOR=sse` computes as an older processor does: torch, oneDNN, MKL and OpenBLAS each by the instruction set named.
 # avx512 takes a processor that has it. Without PROCESSOR each library takes the best that it finds.
@@ -34,7 +36,7 @@ bench: .venv/.installed
 .venv/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --constraint constraints.txt --editable . --group dev
+	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[$(EXTRAS)]' --group dev
 	touch $@
 
 clean:

@@ -67,7 +67,8 @@ def require(needs: Mapping[str, str]) -> None:
     """
     missing = {package: user for package, user in needs.items() if not installed(package)}
     if missing:
-        said = ", ".join(f"{user} needs {_title(package)}" for package, user in missing.items())
+        users = {user: [_title(package) for package, of in missing.items() if of == user] for user in missing.values()}
+        said = ", ".join(f"{user} needs {' and '.join(titles)}" for user, titles in users.items())
         which = "which is not" if len(missing) == 1 else "none of which is"
         raise UserError(f"{said}, {which} installed: {remedy(missing)}")
 

@@ -17,7 +17,8 @@ from pcsr.metrics import chamfer
 from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
-from pcsr.run import Place, _trained, run_folder
+from pcsr.recipe.schema import Weights
+from pcsr.run import Place, _trained, packages, run_folder
 from pcsr.train import train
 
 ROOT = Path(__file__).parents[1]
@@ -287,3 +288,32 @@ def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, fini
     leave(recipe, runs="elsewhere")
     with pytest.raises(UntrainedError):
         ask(recipe.model_copy(update={"name": "renamed"}))
+
+
+@pytest.mark.parametrize(
+    ("settings", "built", "needed"),
+    [
+        (["evaluate.metrics=[cd]"], False, {"manifold3d", "embreex"}),
+        (["evaluate.metrics=[cd]"], True, set()),
+        (["evaluate.metrics=[cd, p2f]"], True, {"manifold3d"}),
+        (["evaluate.metrics=[cd]", "evaluate.beside=[floor]"], True, {"manifold3d"}),
+        (["evaluate.metrics=[cd, emd]"], True, set()),  # 256 points: scipy's
+        (["evaluate.metrics=[cd, emd]", "data.points=512"], True, {"ot"}),
+        (["evaluate.metrics=[cd]", "train.objective=pu-net"], True, {"ot"}),
+        (["evaluate.metrics=[cd]", "train.objective=pu-net", "weights=tapsr"], True, set()),
+        (["evaluate.metrics=[cd]", "data.touches=0", "train.touches=0"], False, {"manifold3d"}),
+        (["evaluate.metrics=[cd]", "data.touches=0", "train.touches=[0, 2]"], False, {"manifold3d", "embreex"}),
+        (
+            ["evaluate.metrics=[cd]", "data.touches=0", "train.touches=0", "data.sampling=view"],
+            False,
+            {"manifold3d", "embreex"},
+        ),
+    ],
+)
+def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, built, needed):
+    plain = [one for one in settings if not one.startswith("weights")]
+    one = load(ROOT / "recipes/smoke.yaml", registry, [*TINY, *plain])[0]
+    if plain != settings:
+        one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
+    place = Place(data=(Path("data"),) if built else ())
+    assert packages(one, registry, place).keys() == needed | {"lightning_fabric", "plotly"}

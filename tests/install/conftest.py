@@ -33,15 +33,17 @@ def absent(project):
 
 def needed(requirements):
     """The names of distributions that requirements lead to on this machine, theirs too."""
-    found, waiting = set(), [Requirement(one) for one in requirements]
+    seen, waiting = set(), [Requirement(one) for one in requirements]
     while waiting:
         one = waiting.pop()
-        name = canonicalize_name(one.name)
-        if name in found or (one.marker and not any(one.marker.evaluate({"extra": e}) for e in ("", *one.extras))):
+        asked = canonicalize_name(one.name), frozenset(one.extras)
+        if asked in seen:
             continue
-        found.add(name)
+        seen.add(asked)
         try:
-            waiting += [Requirement(line) for line in requires(name) or []]
+            theirs = [Requirement(line) for line in requires(one.name) or []]
         except PackageNotFoundError:  # torch names more than its wheel for the CPU needs
             continue
-    return found
+        contexts = [{"extra": extra} for extra in ("", *one.extras)]
+        waiting += [each for each in theirs if not each.marker or any(map(each.marker.evaluate, contexts))]
+    return {name for name, _ in seen}
