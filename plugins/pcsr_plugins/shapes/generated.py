@@ -2,9 +2,10 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from manifold3d import Manifold
+from pydantic import Field
 
 from pcsr import Item, Shapes, UserError
 from pcsr_plugins.shapes.families.draw import SPLITS, Draw
@@ -12,6 +13,8 @@ from pcsr_plugins.shapes.soundness import check_mesh
 from pcsr_plugins.shapes.surfaces import surface_of
 
 T = TypeVar("T")
+Count = Annotated[int, Field(le=1_000_000)]
+Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 
 ATTEMPTS = 20
 """Draws tried for an object: some make one that falls apart, by a hole through its edge for example."""
@@ -30,7 +33,7 @@ class Generated(Shapes):
     families: ClassVar[Mapping[str, Callable[[Draw], Any]]]
     """By name, in the order in which they take turns."""
 
-    def __init__(self, *, count: int = 1600, held_out: int = 96, seed: int = 0) -> None:
+    def __init__(self, *, count: Count = 1600, held_out: Count = 96, seed: Seed = 0) -> None:
         """Choose how many.
 
         Args:
