@@ -38,6 +38,7 @@ FLOORS = {
     "pcsr.files": 0,
     "pcsr.progress": 0,
     "pcsr.workers": 0,
+    "pcsr.mistakes": 0,
     "pcsr.errors": 0,
 }
 SAME_FLOOR = {
