@@ -2,13 +2,25 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check bench clean
+# `make test PROCESSOR=sse` computes as an older processor does: torch, oneDNN, MKL and OpenBLAS each by the instruction set named.
+# avx512 takes a processor that has it. Without PROCESSOR each library takes the best that it finds.
+sse := ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 MKL_CBWR=COMPATIBLE OPENBLAS_CORETYPE=Nehalem
+avx2 := ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 OPENBLAS_CORETYPE=Haswell
+avx512 := ATEN_CPU_CAPABILITY=avx512 ONEDNN_MAX_CPU_ISA=AVX512_CORE OPENBLAS_CORETYPE=SkylakeX
+NUMERIC := tests/benchmarks tests/geometry tests/grafting tests/metrics tests/plugins tests/testing tests/upsample \
+	$(patsubst %,tests/test_%.py,evaluation export library measure model train)
+
+.PHONY: run test test-numeric check bench clean
 
 run: .venv/.installed
 	$(BIN)/pcsr run recipes/pretrained.yaml
 
 test: .venv/.installed
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
+	$($(PROCESSOR)) $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
+
+# What may depend on the last bits of a processor's arithmetic.
+test-numeric:
+	$(MAKE) test PROCESSOR=$(PROCESSOR) ARGS="$(NUMERIC) $(ARGS)"
 
 check: .venv/.installed
 	$(BIN)/ruff check .

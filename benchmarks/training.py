@@ -30,17 +30,17 @@ def recipe(*settings: str) -> Recipe:
     return only
 
 
-def split(count: int) -> Split:
-    """Objects of 8192 points with four touches of 512."""
+def split(count: int, points: int = 512, rate: int = 16, touch_points: int = 512) -> Split:
+    """Dented spheres with four touches each."""
     generator = torch.Generator().manual_seed(0)
-    truth = F.normalize(torch.randn(count, 8192, 3, generator=generator), dim=-1)
+    truth = F.normalize(torch.randn(count, rate * points, 3, generator=generator), dim=-1)
     truth = truth * (0.8 + 0.2 * torch.sin(5 * truth[..., :1]))
-    near = torch.cdist(truth[:, :4], truth).topk(512, largest=False).indices
+    near = torch.cdist(truth[:, :4], truth).topk(touch_points, largest=False).indices
     return Split(
         names=[str(i) for i in range(count)],
         groups=["spheres"] * count,
         truth=list(truth),
-        points=list(truth[:, ::16]),
+        points=list(truth[:, ::rate]),
         touches=list(truth[torch.arange(count)[:, None, None], near]),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
         felt=[(0.1, 0.2, 0.3, 0.4)] * count,

@@ -3,7 +3,8 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.model import Network, build
-from pcsr.recipe import Recipe, from_resolved
+from pcsr.outline import bounded, outline
+from pcsr.recipe import MODEL, Recipe, check_card
 from pcsr.recipe.compose import PARTS
+from pcsr.recipe.source import Keys
 from pcsr.registry import Entry, Registry
-from pcsr.weights.file import read_file
+from pcsr.weights.file import read_file, read_shapes
 
 OURS = "pcsr"
 """The distribution whose parts everybody has."""
@@ -25,6 +28,8 @@ FILE = "file"
 """The version of a part that came from a file, not from an installed distribution."""
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
 """What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
+LONG = 100
+"""Characters of a name in a message, of which a card may have millions."""
 ANEW = "They come from another version of its parts: train again, or install that version"
 
 
@@ -87,10 +92,10 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
     return parts
 
 
-def _used(recipe: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Kind and name of each part that a recipe names, each once, whatever else is wrong with it."""
+def _used(recipe: Mapping[str, Any], places: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
+    """Kind and name of each part that a recipe names at these places, each once, whatever else is wrong with it."""
     used = []
-    for (section, place), kind in PARTS.items():
+    for (section, place), kind in ((keys, kind) for keys, kind in PARTS.items() if keys in places):
         inner = recipe.get(str(section))
         part = inner.get(place) if isinstance(inner, dict) else None
         if isinstance(part, dict) and isinstance(part.get("use"), str):
@@ -115,35 +120,62 @@ def read_card(path: Path) -> dict[str, Any]:
 def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:
     """A network ready for use (in `eval` mode), its recipe and its card.
 
+    Of the recipe only the parts of the network must be installed. Those of the data and the training are as the card
+    says.
+
     Raises:
         UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
             don't fit the recipe. The message says what to do.
     """
-    tensors, card = read_file(path)
+    card = read_card(path)
     recipe = card.get("recipe")
     if not isinstance(recipe, dict):
         raise UserError(
             f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
         )
+    _check_parts(path, card, registry)
+    remedy = _remedy(card, registry)
+    checked = _checked(path, recipe, registry, remedy)
+    network = _build(path, checked, registry, remedy)
+    tensors, _ = read_file(path)
     if "sha256" in card and card["sha256"] != tensors_hash(tensors):
         raise UserError(f"{path} has changed since it was written (its hash differs): get it again")
-    _check_parts(path, card, registry)
-    network, checked = _build(path, recipe, card, registry)
-    fill(network, tensors, path, remedy=_remedy(card, registry))
+    fill(network, tensors, path, remedy)
     for name, tensor in network.state_dict().items():
         if not torch.isfinite(tensor).all():
             raise UserError(f"{path} is damaged: its weights '{name}' are not all finite: get it again, or train again")
     return network.eval(), checked, card
 
 
-def _build(path: Path, recipe: dict[str, Any], card: dict[str, Any], registry: Registry) -> tuple[Network, Recipe]:
-    """The network of the recipe in a card."""
+@contextmanager
+def _building(path: Path, remedy: str) -> Iterator[None]:
+    """Says what went wrong: nobody knows what parts make of options that were not meant for them."""
     try:
-        checked = from_resolved(recipe, registry)
-        return build(checked, registry), checked
-    except Exception as error:  # nobody knows what parts make of options that were not meant for them
-        said = "; ".join(str(error).splitlines()) or type(error).__name__
-        raise UserError(f"the network of {path} cannot be built here ({said}). {_remedy(card, registry)}") from error
+        yield
+    except Exception as error:
+        said = "; ".join(str(error).splitlines())[:400] or type(error).__name__
+        raise UserError(f"the network of {path} cannot be built here ({said}). {remedy}") from error
+
+
+def _checked(path: Path, recipe: dict[str, Any], registry: Registry, remedy: str) -> Recipe:
+    """The recipe in a card."""
+    with _building(path, remedy):
+        return check_card(recipe, registry, "recipe in the weights")
+
+
+def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str) -> Network:
+    """The network of a recipe, which is first compared with the file without memory for its weights.
+
+    Raises:
+        UserError: it cannot be built, or is not that of the file.
+    """
+    shapes = read_shapes(path)
+    with _building(path, remedy):
+        planned = outline(recipe, registry, len(shapes))
+    if planned is not None:
+        _compare(planned, shapes, path, remedy)
+    with _building(path, remedy), bounded(len(shapes)):
+        return build(recipe, registry)
 
 
 def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -158,13 +190,13 @@ def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
-    """Name the parts that are not here, and what brings them.
+    """Name the parts of the network that are not here, and what brings them.
 
     Raises:
         UserError: at least one is not here.
     """
     known = {(part["kind"], part["name"]): part for part in _parts(card)}
-    missing = [part for part in _used(card["recipe"]) if part not in registry.entries]
+    missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
     if missing:
         needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
         raise UserError(f"the weights {path} need {needed}")
@@ -173,7 +205,8 @@ def _check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> Non
 def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
     """A part that is not here, and the remedy."""
     if part is None:  # before it was noted, or a part of ours that has gone
-        return f"{kind} '{name}', which no plugin here brings: install the one that does, or hand its file in"
+        name = name if re.fullmatch(PLAIN["name"], name[:LONG]) else ascii(name[:LONG])[1:-1]
+        return f"{kind} '{name[:LONG]}', which no plugin here brings: install the one that does, or hand its file in"
     owner, version = part["owner"], part["version"]
     if version == FILE:
         return f"{kind} '{name}' of the plugin file {owner}: hand in that file with --plugin (in Python: plugins=[…])"
@@ -215,20 +248,29 @@ def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path, remedy: 
     Raises:
         UserError: names or shapes differ; the message says which, and the remedy.
     """
-    wanted = network.state_dict()
-    wrong = [f"{name} is missing" for name in wanted if name not in tensors]
-    wrong += [f"{name} is unknown" for name in tensors if name not in wanted]
+    _compare(network, {name: tuple(tensor.shape) for name, tensor in tensors.items()}, path, remedy)
+    network.load_state_dict(dict(tensors))
+
+
+def _compare(network: nn.Module, shapes: Mapping[str, tuple[int, ...]], path: Path, remedy: str) -> None:
+    """Compare the weights of a network with those of a file.
+
+    Raises:
+        UserError: names or shapes differ; the message says which, and the remedy.
+    """
+    wanted = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+    wrong = [f"{name} is missing" for name in wanted if name not in shapes]
+    wrong += [f"{name} is unknown" for name in shapes if name not in wanted]
     wrong += [
-        f"{name} is {tuple(tensors[name].shape)}, not {tuple(tensor.shape)}"
-        for name, tensor in wanted.items()
-        if name in tensors and tensors[name].shape != tensor.shape
+        f"{name} is {shapes[name]}, not {shape}"
+        for name, shape in wanted.items()
+        if name in shapes and shapes[name] != shape
     ]
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
         raise UserError(
             f"the weights in {path} do not fit the network of their recipe: {'; '.join(wrong[:3])}{more}. {remedy}"
         )
-    network.load_state_dict(dict(tensors))
 
 
 def save_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer, about: dict[str, Any]) -> None:

@@ -15,16 +15,18 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-import trimesh
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+
+if TYPE_CHECKING:
+    import trimesh  # which takes ray caster and solid modeller with it, and networks need none
 
 
 class Trait(StrEnum):
@@ -89,6 +91,8 @@ class Part:
     """Raise it when the same options come to give something else: data and weights made before are then stale."""
     places: ClassVar[frozenset[str]] = frozenset()
     """Options that say where files lie, not what is in them: data sets are the same wherever they are built."""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    """Packages that the part imports only when it works, as Python names them; pcsr looks for them before it begins."""
 
 
 class Encoder(nn.Module, Part):
@@ -216,7 +220,7 @@ class Item:
     """Unique within its `Shapes`, and the same on every machine."""
     group: str
     """Objects of one group are variants of each other: a family, a product line, a source file."""
-    mesh: trimesh.Trimesh
+    mesh: "trimesh.Trimesh"
 
 
 class Shapes(Part):

@@ -1,5 +1,6 @@
 """Evaluation: a network beside baselines on one split, every metric for every object."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.upsample import upsample_as
+from pcsr.threads import deserved, threads
+from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
 
 Cloud = Float[np.ndarray, "n 3"]
@@ -44,12 +46,16 @@ class Scores:
 
     method: Method
     seconds: float
-    """Mean wall time for a cloud."""
+    """Median wall time for a cloud."""
     values: dict[str, list[float]]
     """Metric by name, one value for each object."""
     dense: Float[np.ndarray, "k rn 3"]
     touch: TouchEffect | None = None
     """What touch does to the recipe's own network; None for baselines, and without touches."""
+    threads: int = 1
+    """With which it was timed."""
+    load: float | None = None
+    """The machine's load average of the minute before; None where the system has none."""
 
 
 def methods(recipe: Recipe, network: Network) -> list[Method]:
@@ -63,6 +69,11 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
     return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.beside)]
+
+
+def needs_meshes(recipe: Recipe) -> bool:
+    """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
+    return "floor" in recipe.evaluate.beside or any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
 
 
 def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
@@ -108,19 +119,23 @@ def evaluate(
         advance: called whenever one object was upsampled or measured, 2·k times for each method.
     """
     meshes = _meshes(recipe, registry, compared, split)
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     made: list[_Timed] = []
     plain = _Timed([], [])
+    used: list[int] = []
     for position, method in enumerate(compared):
         made.append(_Timed([], []))
-        for i, mesh in enumerate(meshes):
-            points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
-            if method.upsample is not None:
-                made[-1].add(method.upsample, points, touches)
-                if position == 0 and touches:
-                    plain.add(method.upsample, points, [])
-            elif mesh is not None:
-                made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
-            advance()
+        with threads(deserved(points_at_once(recipe), method.parameters)) as count:
+            used.append(count)
+            for i, mesh in enumerate(meshes):
+                points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
+                if method.upsample is not None:
+                    made[-1].add(method.upsample, points, touches)
+                    if position == 0 and touches:
+                        plain.add(method.upsample, points, [])
+                elif mesh is not None:
+                    made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
+                advance()
     tasks = [
         _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
         for timed in made
@@ -129,10 +144,11 @@ def evaluate(
     measured = _measured(tasks, jobs, advance)
     touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
     scores: list[Scores] = []
-    for method, timed in zip(compared, made, strict=True):
+    for method, timed, count in zip(compared, made, used, strict=True):
         rows = [next(measured) for _ in range(len(split))]
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
-        scores.append(Scores(method, timed.mean, values, np.stack(timed.clouds), None if scores else touch))
+        effect = None if scores else touch
+        scores.append(Scores(method, timed.median, values, np.stack(timed.clouds), effect, count, load))
     return scores
 
 
@@ -149,8 +165,8 @@ class _Timed:
         self.seconds.append(time.perf_counter() - start)
 
     @property
-    def mean(self) -> float:
-        return float(np.mean(self.seconds))
+    def median(self) -> float:
+        return float(np.median(self.seconds))
 
 
 @dataclass(frozen=True)
@@ -163,8 +179,7 @@ class _Task:
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
-    needed = any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
-    if not needed and all(method.upsample for method in compared):
+    if not needs_meshes(recipe) and all(method.upsample for method in compared):
         return [None] * len(split)
     shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)
@@ -189,7 +204,7 @@ def _touch_effect(
         [_tensor(cloud) for cloud in plain.clouds],
         dict(zip((method.name for method in compared[1:]), others, strict=True)),
         compared[0].name,
-        plain.mean,
+        plain.median,
     )
 
 
@@ -202,6 +217,7 @@ def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], No
             yield result
 
 
+@threads(1)
 def _measure(task: _Task) -> dict[str, float]:
     prediction, truth = _tensor(task.dense)[None], _tensor(task.truth)[None]
     return {name: METRICS[name](prediction, truth, task.mesh) for name in task.metrics}

@@ -16,6 +16,7 @@ from pcsr import __version__
 from pcsr.checkpoint import save_weights
 from pcsr.contracts import Fusion
 from pcsr.errors import UserError
+from pcsr.extras import imported, require
 from pcsr.files import write_whole
 from pcsr.model import Network
 from pcsr.recipe import Recipe
@@ -24,6 +25,8 @@ from pcsr.upsample.candidates import Networked
 if TYPE_CHECKING:
     from pcsr.library import Model
 
+USER = "exporting a graph"
+"""What needs the extra `[onnx]`, in a message to who hasn't got it."""
 FRAME = "centred on the mean of the points, the farthest of them at distance 1; the same for the touches"
 TALKERS = ("torch.onnx", "onnxscript", "onnx_ir")
 """Loggers of the exporter, which tell its authors things."""
@@ -76,6 +79,7 @@ def export_onnx(
         UserError: the extra `[onnx]` is not installed, there is no network, an impossible number, or a network that
             cannot be exported; the message says why.
     """
+    require(dict.fromkeys(("onnx", "onnxscript"), USER))
     path = Path(path)
     network, recipe = _exportable(model, path, "model.onnx")
     trained = Networked.of(network, recipe)
@@ -205,12 +209,7 @@ def _translations() -> dict[Callable[..., Any], Callable[..., Any]]:
     Raises:
         UserError: the extra `[onnx]` is not installed.
     """
-    try:
-        import onnx  # noqa: F401
-        from onnxscript import opset18
-    except ImportError as error:
-        raise UserError(f"exporting needs the package {error.name}: pip install 'pcsr[onnx]'") from error
-    op: Any = opset18  # its types know no values that are still to be computed
+    op = imported("onnxscript", USER).opset18
 
     def sort(values: Any, stable: bool = False, dim: int = -1, descending: bool = False) -> Any:  # noqa: ARG001
         # TopK puts the lower index first among equals, which makes it a stable sort.

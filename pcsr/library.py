@@ -14,6 +14,8 @@ from pcsr.checkpoint import load_weights
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
+from pcsr.extras import imported
+from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe
@@ -110,11 +112,16 @@ class Model:
             raise UserError(
                 f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
             )
+        if not len(cloud):
+            raise UserError("the cloud has no points: there is nothing to make dense")
         wanted = _count(len(cloud), rate, count)
-        felt = _felt(touches, cloud)
+        power = exponent([cloud])
+        cloud = scaled(cloud, -power)
+        felt = _felt(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
-            return densify(cloud, wanted, source, touches=felt, keep=keep, pool=workers, advance=advance)
+            new = densify(cloud, wanted, source, touches=felt, keep=keep, pool=workers, advance=advance)
+        return scaled(new, power)
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:
@@ -172,14 +179,9 @@ def _found(name: str) -> Path:
 
 
 def _from_hub(name: str) -> Path:
+    hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
     try:
-        from huggingface_hub import hf_hub_download
-    except ImportError as error:
-        raise UserError(
-            f"model '{name}' is no file here; if it is on the hub: pip install 'pcsr[hub]' fetches it"
-        ) from error
-    try:
-        return Path(hf_hub_download(name, WEIGHTS))
+        return Path(hub.hf_hub_download(name, WEIGHTS))
     except Exception as error:  # whatever the network and the hub may say
         raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
 
@@ -203,8 +205,8 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
     return round(rate * n)
 
 
-def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "_ 3"]]:
-    """The points of each touch, in the cloud's frame."""
+def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
+    """The points of each touch, in the frame of the cloud, which was divided by a power of two."""
     if isinstance(touches, str | Path):
         from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
 
@@ -215,13 +217,17 @@ def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"]) -> list[Float[np.nd
     middle = cloud.mean(0)
     radius = float(np.linalg.norm(cloud - middle, axis=1).max())
     for number, touch in enumerate(felt):
+        touch = felt[number] = scaled(touch, -power)
         if len(touch) == 0 or not np.isfinite(touch).all():
             raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
-        own = float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
-        away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
-        if away > FAR * radius or own > 2 * radius:
+        with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
+            own = float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+            away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
+        if not (away <= FAR * radius and own <= 2 * radius):
+            with np.errstate(over="ignore"):
+                sizes = np.ldexp([2 * own, max(away, 0.0), 2 * radius], power)
             raise UserError(
-                f"touch {number} is {2 * own:.4g} across and lies {max(away, 0.0):.4g} away from the cloud, which is "
-                f"{2 * radius:.4g} across: it is in another unit or frame; bring it into the cloud's"
+                f"touch {number} is {sizes[0]:.4g} across and lies {sizes[1]:.4g} away from the cloud, which is "
+                f"{sizes[2]:.4g} across: it is in another unit or frame; bring it into the cloud's"
             )
     return felt

@@ -66,7 +66,13 @@ def gathered(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
         ],
         "touch": None if scores[0].touch is None else asdict(scores[0].touch),
         "training": source,
-        "hardware": {"cores": os.cpu_count(), "threads": torch.get_num_threads(), "torch": torch.__version__},
+        "timing": "median",
+        "hardware": {
+            "cores": os.cpu_count(),
+            "threads": scores[0].threads,
+            "load": scores[0].load,
+            "torch": torch.__version__,
+        },
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
 

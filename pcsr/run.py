@@ -6,10 +6,9 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
-from lightning_fabric import Fabric
 from rich.console import Console
 from rich.progress import Progress
 
@@ -21,9 +20,12 @@ from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS
 from pcsr.data.plan import Plan
+from pcsr.data.plan import packages as data_packages
 from pcsr.errors import UserError
-from pcsr.evaluation import evaluate, methods
+from pcsr.evaluation import evaluate, methods, needs_meshes
+from pcsr.extras import imported
 from pcsr.files import write_text
+from pcsr.metrics.emd import EXACT
 from pcsr.model import Network
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
@@ -32,6 +34,9 @@ from pcsr.registry import Registry
 from pcsr.results import gathered, save_examples
 from pcsr.train import CHECKPOINT, HISTORY, train
 from pcsr.workers import worker_pool
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
@@ -57,6 +62,20 @@ class Place:
 def run_folder(recipe: Recipe, place: Place) -> Path:
     """The folder of a recipe: the same recipe comes back to it, another never does."""
     return place.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"
+
+
+def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]:
+    """The optional packages that a run needs, each with what needs it, as `pcsr.extras.require` takes them."""
+    needed = {"lightning_fabric": "training", "plotly": "the report"}
+    if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
+        needed["ot"] = "the metric 'emd'"
+    if recipe.weights is None:
+        needed |= recipe.train.objective.needs(registry, "objective")
+    if not place.data:
+        needed |= data_packages(recipe, registry)
+    elif needs_meshes(recipe):
+        needed |= recipe.data.shapes.needs(registry, "shapes")
+    return needed
 
 
 def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
@@ -95,7 +114,7 @@ def _trained(
     registry: Registry,
     fingerprint: str,
     data: "Data",
-    fabric: Fabric,
+    fabric: "Fabric",
     place: Place,
     progress: Progress,
 ) -> tuple[Network, dict[str, Any]]:
@@ -161,7 +180,7 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
     return network, {**(training if isinstance(training, dict) else {}), "source": source}
 
 
-def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
+def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
     """What the history says of a finished training."""
     lines = [json.loads(line) for line in (folder / HISTORY).read_text(encoding="utf-8").splitlines()]
     steps = [line for line in lines if "loss" in line]
@@ -170,7 +189,7 @@ def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:
         "seconds": steps[-1]["seconds"],
         "steps": steps[-1]["step"],
         "device": f"{fabric.world_size} x {fabric.device.type}",
-        "threads": torch.get_num_threads(),
+        "threads": steps[-1].get("threads"),
         "validation": checks[-1] if checks else {},
     }
 
@@ -214,11 +233,11 @@ def _checked(built: Built, split: str, progress: Progress) -> Split:
     return built.split(split, lambda count: progress.advance(task, count))
 
 
-def _fabric(recipe: Recipe, place: Place) -> Fabric:
+def _fabric(recipe: Recipe, place: Place) -> "Fabric":
     many = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
     if place.device == "cuda" and not torch.cuda.is_available():
         raise UserError("--device cuda: torch finds no CUDA device here; use --device cpu, or install torch for CUDA")
-    fabric = Fabric(
+    fabric: Fabric = imported("lightning_fabric", "training").Fabric(
         accelerator="cuda" if place.device != "cpu" and torch.cuda.is_available() else "cpu",
         devices=place.devices,
         num_nodes=place.nodes,

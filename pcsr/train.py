@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
-from lightning_fabric import Fabric
 from torch import nn
 
 from pcsr.checkpoint import load_training, save_training
@@ -28,7 +27,11 @@ from pcsr.metrics.chamfer import chamfer
 from pcsr.model import Network, build
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.upsample import upsample_as
+from pcsr.threads import deserved, threads
+from pcsr.upsample import points_at_once, upsample_as
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 CHECKPOINT = "checkpoint.safetensors"
 HISTORY = "metrics.jsonl"
@@ -68,7 +71,7 @@ def train(
     data: Split,
     validation: Split,
     run: Path,
-    fabric: Fabric,
+    fabric: "Fabric",
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
@@ -113,9 +116,12 @@ def train(
     optimizer = _optimizer(recipe, model)
     checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
     step, before = 0, 0.0
+    count = deserved(size // fabric.world_size * recipe.network_points, network.parameter_count)
     if checkpoint.exists():
         about = load_training(checkpoint, model, optimizer)
         step, before = about["step"], about["seconds"]
+        # With another number of threads sums are rounded otherwise, on a machine with more cores for one.
+        count = about.get("threads", count)
     history.cut(step)
     wrapped, optimizer = fabric.setup(model, optimizer)
     steps = settings.epochs * batches.per_epoch
@@ -124,10 +130,10 @@ def train(
 
     def save() -> None:
         if fabric.is_global_zero:
-            about = {"step": step, "seconds": before + time.monotonic() - start}
+            about = {"step": step, "seconds": before + time.monotonic() - start, "threads": used}
             save_training(checkpoint, model, optimizer, about)
 
-    with _stoppable() as stop:
+    with _stoppable() as stop, threads(count) as used:
         ahead = 0 if fabric.device.type == "cpu" else loaders
         for batch in prepared(batches, range(step, steps), ahead, fabric.global_rank, fabric.world_size):
             rate = learning_rate(recipe, step // batches.per_epoch)
@@ -150,6 +156,7 @@ def train(
                         "losses": losses,
                         "rate": rate,
                         "seconds": round(before + seconds, 2),
+                        "threads": used,
                     }
                 )
                 if step % every == 0 or step == steps:
@@ -171,7 +178,7 @@ def train(
     return network.eval()
 
 
-def _step(model: Any, optimizer: Any, fabric: Fabric, batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
+def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
     """One step of all processes together; the losses are those of the whole batch."""
     for group in optimizer.param_groups:
         group["lr"] = rate * group["pace"]
@@ -200,10 +207,11 @@ def validate(network: Network, split: Split, recipe: Recipe) -> float:
     """Mean Chamfer distance over a split, with the recipe's number of touches, in the truth's unit sphere."""
     network.eval()
     values = []
-    for i in range(len(split)):
-        touches = list(split.touches[i][: recipe.data.touches].numpy())
-        dense = upsample_as(recipe, network, split.points[i].numpy(), touches)
-        values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
+    with threads(deserved(points_at_once(recipe), network.parameter_count)):
+        for i in range(len(split)):
+            touches = list(split.touches[i][: recipe.data.touches].numpy())
+            dense = upsample_as(recipe, network, split.points[i].numpy(), touches)
+            values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
     network.train()
     return sum(values) / len(values)
 
@@ -217,7 +225,7 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     return optimizer
 
 
-def _anybody(stopped: bool, fabric: Fabric) -> bool:
+def _anybody(stopped: bool, fabric: "Fabric") -> bool:
     """Whether any process was told to stop: all do, after the same step, or some would wait for the others."""
     if fabric.world_size == 1:
         return stopped

@@ -15,6 +15,7 @@ from multiprocessing.connection import wait
 from typing import TypeVar
 
 from pcsr.errors import RunError, UserError
+from pcsr.extras import imported
 
 AHEAD = 4
 """Tasks in flight for each process: results wait in memory until those before them are taken."""
@@ -135,13 +136,10 @@ def _outlive_nobody(sentinel: int) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[WorkerPool]:
+    distributed = imported("distributed", f"--scheduler {address}")
+    cancelled = imported("distributed.client", f"--scheduler {address}").FutureCancelledError
     try:
-        from distributed import Client
-        from distributed.client import FutureCancelledError
-    except ImportError as error:
-        raise UserError(f"--scheduler {address} needs Dask: pip install 'pcsr[cluster]'") from error
-    try:
-        client = Client(address, timeout=20)
+        client = distributed.Client(address, timeout=20)
     except (OSError, TimeoutError, ValueError) as error:
         raise UserError(f"--scheduler {address}: no Dask scheduler answers ({error}): check the address") from error
     with client:
@@ -150,7 +148,7 @@ def _cluster(address: str) -> Iterator[WorkerPool]:
             raise UserError(f"--scheduler {address} has no workers: start some with `dask worker {address}`")
         try:
             yield WorkerPool(client.get_executor(pure=False, retries=3), size)
-        except (FutureCancelledError, OSError, TimeoutError) as error:
+        except (cancelled, OSError, TimeoutError) as error:
             raise RunError(
                 f"the Dask cluster at {address} was lost ({type(error).__name__}: {error}); what is finished is kept: "
                 f"run the same command again"

@@ -7,11 +7,21 @@ from hypothesis import settings
 
 # Two processes of two threads each on two cores wait for one another most of the time. Here and in what tests start.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Where a test is about more threads, they sleep while they wait, as those of commands do.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # How long an example takes depends on who else uses the machine, so no example fails for being slow.
 # Where changes are judged (CI), all are by the same examples; elsewhere each run looks at new ones.
 settings.register_profile("pcsr", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("pcsr")
+
+
+def pytest_report_header():
+    """The instruction set that torch computes by: the Makefile's PROCESSOR, or the best that there is."""
+    import torch
+
+    return f"torch {torch.__version__} computes by {torch.backends.cpu.get_cpu_capability()}"
+
 
 WORLD = """
 import os

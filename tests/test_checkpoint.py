@@ -49,7 +49,8 @@ def saved(tmp_path):
 def test_weights_come_back_bit_for_bit(saved):
     path, network = saved
     loaded, its_recipe, card = load_weights(path, load_plugins())
-    assert its_recipe == recipe()
+    assert its_recipe.resolved() == recipe().resolved()
+    assert its_recipe.model == recipe().model
     assert card["metrics"] == {"cd": 0.125}
     assert not loaded.training
     before, after = network.state_dict(), loaded.state_dict()

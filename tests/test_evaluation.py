@@ -15,6 +15,7 @@ from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
 from pcsr.results import gathered
+from pcsr.threads import EACH
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = [
@@ -89,6 +90,33 @@ def test_the_second_upsampling_is_timed_apart(recipe, registry, split, monkeypat
     monkeypatch.setattr("pcsr.evaluation.time.perf_counter", lambda: clock[0])
     (scores,) = evaluate(recipe, registry, [Method("ours", 5, slow)], split, jobs=1)
     assert (scores.seconds, scores.touch.seconds) == (2.0, 7.0)
+
+
+def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry, split, monkeypatch):
+    clock, seen, taken = [0.0], [], [9.0, 1.0, 2.0]
+
+    def slow(points, touches):
+        if touches:
+            clock[0] += taken[len(seen)]
+            seen.append(torch.get_num_threads())
+        return np.repeat(points, 4, axis=0)
+
+    monkeypatch.setattr("pcsr.evaluation.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("pcsr.evaluation.os.getloadavg", lambda: (2.5, 1.0, 0.5), raising=False)
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        large = Method("ours", 2 * EACH // recipe.data.points + 1, slow)
+        small = Method("other", 5, lambda points, touches: np.repeat(points, 4, axis=0))
+        made = evaluate(recipe, registry, [large, small], split, jobs=1)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+    assert seen == [2, 2, 2]
+    assert [(scores.threads, scores.load) for scores in made] == [(2, 2.5), (1, 2.5)]
+    assert made[0].seconds == 2.0
+    told = gathered(recipe, split, made, {})
+    assert (told["timing"], told["hardware"]["threads"], told["hardware"]["load"]) == ("median", 2, 2.5)
 
 
 def test_without_touches_there_is_no_second_time(registry, split):

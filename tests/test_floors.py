@@ -21,6 +21,7 @@ FLOORS = {
     "pcsr.model": 3,
     "pcsr.grafting": 3,
     "pcsr.checkpoint": 3,
+    "pcsr.outline": 3,
     "pcsr.data": 3,
     "pcsr.testing": 3,
     "pcsr.recipe": 2,
@@ -36,22 +37,34 @@ FLOORS = {
     "pcsr.geometry": 0,
     "pcsr.tensors": 0,
     "pcsr.files": 0,
+    "pcsr.inputs": 0,
+    "pcsr.limits": 0,
     "pcsr.progress": 0,
+    "pcsr.threads": 0,
     "pcsr.workers": 0,
-    "pcsr.mistakes": 0,
     "pcsr.errors": 0,
+    "pcsr.mistakes": 0,
+    "pcsr.extras": 0,
 }
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.
     ("pcsr.files", "pcsr.errors"),
+    ("pcsr.inputs", "pcsr.errors"),
+    ("pcsr.inputs", "pcsr.limits"),
+    ("pcsr.limits", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
+    ("pcsr.workers", "pcsr.extras"),
+    ("pcsr.extras", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.errors"),
+    ("pcsr.geometry", "pcsr.extras"),
     ("pcsr.geometry", "pcsr.tensors"),
     ("pcsr.plugins", "pcsr.registry"),
     ("pcsr.plugins", "pcsr.hookspecs"),
     ("pcsr.contracts", "pcsr.clouds"),
     ("pcsr.registry", "pcsr.contracts"),
     ("pcsr.checkpoint", "pcsr.model"),
+    ("pcsr.checkpoint", "pcsr.outline"),
+    ("pcsr.outline", "pcsr.model"),
     ("pcsr.grafting", "pcsr.model"),
     ("pcsr.evaluation", "pcsr.upsample"),
     ("pcsr.train", "pcsr.upsample"),
@@ -59,7 +72,15 @@ SAME_FLOOR = {
     ("pcsr.run", "pcsr.results"),
     ("pcsr.testing", "pcsr.model"),
 }
-PUBLIC = ("pcsr.geometry", "pcsr.metrics", "pcsr.tensors", "pcsr.errors", "pcsr.contracts", "pcsr.recorded")
+PUBLIC = (
+    "pcsr.geometry",
+    "pcsr.metrics",
+    "pcsr.tensors",
+    "pcsr.errors",
+    "pcsr.extras",
+    "pcsr.contracts",
+    "pcsr.recorded",
+)
 """What a plugin may import besides the names of `pcsr` itself."""
 
 

@@ -124,6 +124,48 @@ def test_a_signal_ends_the_step_and_writes_its_checkpoint(recipe, tmp_path, numb
     assert same(whole, resumed)
 
 
+@pytest.fixture
+def two_threads():
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
+
+
+def threads_of_steps(run: Path) -> set[int]:
+    return {line["threads"] for line in history(run) if "loss" in line}
+
+
+def test_small_batches_are_trained_on_one_thread_and_give_the_others_back(two_threads, recipe, tmp_path):
+    several = trained(recipe, tmp_path / "run")
+    assert torch.get_num_threads() == 2
+    assert threads_of_steps(tmp_path / "run") == {1}
+    torch.set_num_threads(1)
+    assert same(several, trained(recipe, tmp_path / "single"))
+
+
+def test_a_training_goes_on_with_the_threads_that_it_began_with(two_threads, recipe, tmp_path, monkeypatch):
+    monkeypatch.setattr("pcsr.threads.EACH", 1)
+    whole = trained(recipe, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "stopped", shown=stop_at(5), checkpoint_every=0.0)
+    torch.set_num_threads(3)  # a machine with more cores
+    resumed = trained(recipe, tmp_path / "stopped")
+    assert torch.get_num_threads() == 3
+    assert same(whole, resumed)
+    assert history(tmp_path / "stopped") == history(tmp_path / "whole")
+    assert threads_of_steps(tmp_path / "stopped") == {2}
+
+
+def test_a_training_goes_on_with_fewer_threads_where_there_are_no_more(two_threads, recipe, tmp_path, monkeypatch):
+    monkeypatch.setattr("pcsr.threads.EACH", 1)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "run", shown=stop_at(5), checkpoint_every=0.0)
+    torch.set_num_threads(1)
+    trained(recipe, tmp_path / "run")
+    assert [line["threads"] for line in history(tmp_path / "run") if "loss" in line] == [2, 2, 2, 2, 1, 1, 1, 1]
+
+
 def test_without_a_checkpoint_it_begins_anew_and_so_does_the_history(recipe, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         trained(recipe, tmp_path / "run", shown=stop_at(2))

@@ -86,7 +86,7 @@ def test_an_impossible_number_of_processes_is_refused(jobs):
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(UserError, match=r"needs Dask: pip install 'pcsr\[cluster\]'"),
+        pytest.raises(UserError, match=r"needs distributed, which is not installed: pip install 'pcsr\[cluster\]'"),
         worker_pool(scheduler="tcp://x:1"),
     ):
         pass

@@ -160,4 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     0: done; 1: a failure; 2: a mistake in what was given; 130: interrupted.
     """
+    from pcsr.threads import wait_passively
+
+    wait_passively()  # before a command imports torch
     pcsr.main(args=arguments, prog_name="pcsr")

@@ -86,8 +86,10 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
     from rich.console import Console
 
     from pcsr.data.shards import read_manifest
+    from pcsr.extras import require
     from pcsr.report.data_page import write_data_page
 
+    require({"plotly": "the page of pictures"})
     console = Console()
     manifest = read_manifest(folder)
     _print(console, folder, manifest)

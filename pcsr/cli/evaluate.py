@@ -32,13 +32,14 @@ def evaluate(
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.formats.mesh import read_mesh
     from pcsr.measure import evaluate as measure
+    from pcsr.measure import why_no_emd
     from pcsr.metrics import METRICS
 
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
-    if "emd" not in values and not metrics:
-        click.echo(f"no emd: it needs clouds of one size, not {len(clouds[0])} and {len(clouds[1])} points", err=True)
+    if not metrics and (why := why_no_emd(*map(len, clouds))):
+        click.echo(f"no emd: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))
         return

@@ -39,7 +39,10 @@ def check(
     NAME is a part's, or a plugin's for all of its parts. Every check prints a line; a failure says what was found, what
     is expected and what to do.
     """
+    from pcsr.extras import require
+
     entries = _found(name, kind, registry)
+    require({package: user for entry in entries for package, user in _needs(entry).items()})
     hosts: dict[str, dict[str, Any]] = {
         "touch": {} if mesh is None else {"item": _item(mesh)},
         "objective": {} if upsampler is None else {"upsampler": registry.get("upsampler", upsampler)},
@@ -76,6 +79,15 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}{failed}")
 
 
+def _needs(entry: "Entry") -> dict[str, str]:
+    """The packages that a part needs; none of one that cannot be loaded, of which a check will tell."""
+    try:
+        part: Any = entry.load()
+    except UserError:
+        return {}
+    return dict.fromkeys(sorted(part.needs), f"{entry.kind} '{entry.name}'")
+
+
 def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     """What `--set` gives, in the types of the part's options.
 
@@ -86,6 +98,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pydantic import ValidationError
 
+    from pcsr.mistakes import explained
     from pcsr.recipe.schema import options_model
     from pcsr.recipe.source import Place, scalar
 
@@ -106,7 +119,8 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:
         mistakes = error.errors() if isinstance(error, ValidationError) else []
-        wrong = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in mistakes if one["type"] != "missing"]
+        given_wrong = [one for one in mistakes if one["type"] != "missing"]
+        wrong = [f"{'.'.join(map(str, one['loc']))}: {explained([one])}" for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
         return given  # what is missing the check `builds` tells

@@ -81,8 +81,9 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
 
     from pcsr import report
     from pcsr.data.built import Built
+    from pcsr.extras import require
     from pcsr.recipe.pretrained import check_weights
-    from pcsr.run import Place, run, run_folder
+    from pcsr.run import Place, packages, run, run_folder
 
     console = Console()
     place = Place(**where)
@@ -93,6 +94,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
         for line in (said, *built.missing()):
             console.print(f"data: {line}", markup=False, soft_wrap=True)
+    require({name: user for one in recipes for name, user in packages(one, registry, place).items()})
     for one in recipes:
         check_weights(one, registry)  # of all of them, before the first runs
     folders: dict[Path, str] = {}

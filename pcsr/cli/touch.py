@@ -60,6 +60,7 @@ def touch(
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.touch import coverage
     from pcsr.contracts import Item, TouchSource
+    from pcsr.extras import require
     from pcsr.geometry.sampling import surface_points
     from pcsr.recipe import for_data
     from pcsr.recorded import write
@@ -74,6 +75,7 @@ def touch(
     for key, value in (("sensor", sensor), ("policy", policy), ("object_size", object_size)):
         given += [] if value is None else [f"{key}={value}"]
     recipe = for_data("meshes", {"folder": str(mesh.parent)}, registry, [*given, *overrides], part="touch")
+    require(recipe.data.touch.needs(registry, "touch"))
     feeler: TouchSource = recipe.data.touch.build(registry, "touch")
     item: Item = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:

@@ -73,7 +73,7 @@ def upsample(
 
     from rich.console import Console
 
-    from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, writable, write_cloud
+    from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
     from pcsr.progress import progress_bars
 
     start = time.perf_counter()
@@ -86,7 +86,7 @@ def upsample(
     kind = f".{suffix.lstrip('.')}"
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
     given = (
-        read_cloud_bytes(sys.stdin.buffer.read(), kind, "what came through the pipe", bad=bad)
+        read_cloud_pipe(sys.stdin.buffer, kind, "what came through the pipe", bad=bad)
         if cloud == PIPE
         else read_cloud(cloud, bad=bad)
     )

@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 
 from pcsr.clouds.columns import colour_names, normal_groups
 from pcsr.errors import UserError
+from pcsr.geometry.magnitude import exponent, scaled
 
 CHUNK = 1 << 18
 """New points that are dealt with at once: some 50 MB."""
@@ -54,10 +55,11 @@ def carry(
     # Normals in integers would have no length 1.
     groups = [group for group in normal_groups(columns) if all(columns[name].dtype.kind == "f" for name in group)]
     of_group = {name for group in groups for name in group}
-    tree = KDTree(np.asarray(old_points, np.float64))
+    power = exponent([old_points, new_points])
+    tree = KDTree(scaled(np.asarray(old_points, np.float64), -power))
     for start in range(0, len(new_points), CHUNK):
         rows = slice(start, start + CHUNK)
-        near, weight = _near(tree, np.asarray(new_points[rows], np.float64), min(k, len(old_points)))
+        near, weight = _near(tree, scaled(np.asarray(new_points[rows], np.float64), -power), min(k, len(old_points)))
         for name, column in columns.items():
             if name not in of_group:
                 mixed = column.dtype.kind == "f" or (name in colours and column.dtype.kind in "iu")

@@ -9,6 +9,10 @@ from jaxtyping import Float
 
 from pcsr.clouds.carry import carry
 from pcsr.errors import UserError
+from pcsr.limits import check_memory
+
+MEMORY = 100
+"""Bytes that a point takes at least, in all that is made of it."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +38,17 @@ def convert(cloud: Any) -> Converted:
         return _trimesh(cloud)
     if module == "open3d":
         return _open3d(cloud)
+    if isinstance(cloud, np.ma.MaskedArray) and np.ma.getmaskarray(cloud).any():
+        raise UserError("some of the cloud's coordinates are masked: leave these points out, and give a plain array")
     try:
         array = np.asarray(cloud)
-        points = _checked(array.astype(np.float64))
-    except (TypeError, ValueError) as error:
+        if array.dtype.kind not in "iuf" and not isinstance(cloud, np.ndarray):
+            raise ValueError(array.dtype)
+    except (TypeError, ValueError, RuntimeError) as error:
         raise UserError(
             f"a {type(cloud).__name__} is no cloud: give an array or tensor (n, 3), a trimesh or an Open3D cloud"
         ) from error
+    points = _doubles(array)
     kind = array.dtype if array.dtype.kind == "f" else np.dtype(np.float64)
 
     def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
@@ -49,10 +57,25 @@ def convert(cloud: Any) -> Converted:
     return Converted(points, back)
 
 
-def _checked(points: np.ndarray) -> Float[np.ndarray, "n 3"]:
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise UserError(f"a cloud has the shape (n, 3), got {points.shape}: one row for each point")
-    return points
+def _check(shape: tuple[int, ...], real: bool, kind: object) -> None:
+    """Refuse what is no cloud by its shape and type, before it is converted.
+
+    Raises:
+        UserError: another shape, other numbers than real ones, or more than fit into memory.
+    """
+    if len(shape) != 2 or shape[1] != 3:
+        hint = ": transpose it" if len(shape) == 2 and shape[0] == 3 else ": one row for each point"
+        hint = ": take its first three columns, [:, :3]" if len(shape) == 2 and shape[1] > 3 else hint
+        raise UserError(f"a cloud has the shape (n, 3), got {tuple(shape)}{hint}")
+    if not real:
+        raise UserError(f"a cloud's coordinates are real numbers, got {kind}")
+    check_memory(MEMORY * shape[0], f"a cloud of {shape[0]} points")
+
+
+def _doubles(array: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    _check(array.shape, array.dtype.kind in "iuf", array.dtype)
+    with np.errstate(over="ignore"):  # what no double holds is infinite, and that is refused
+        return array.astype(np.float64)
 
 
 def _torch(cloud: Any) -> Converted:
@@ -63,7 +86,14 @@ def _torch(cloud: Any) -> Converted:
         made = torch.from_numpy(new).to(cloud.device, kind)
         return torch.cat([cloud.detach().to(kind), made]) if keep else made
 
-    return Converted(_checked(cloud.detach().cpu().double().numpy()), back)
+    if not hasattr(cloud, "detach"):
+        raise UserError(f"a torch {type(cloud).__name__} is no cloud: give a tensor (n, 3)")
+    _check(cloud.shape, not cloud.is_complex() and cloud.dtype != torch.bool, cloud.dtype)
+    try:
+        points = cloud.detach().cpu().double().numpy()
+    except (RuntimeError, NotImplementedError, TypeError) as error:  # sparse, quantized, or on the device 'meta'
+        raise UserError(f"a tensor of layout {cloud.layout} on {cloud.device} has no coordinates to read") from error
+    return Converted(points, back)
 
 
 def _trimesh(cloud: Any) -> Converted:
@@ -71,7 +101,7 @@ def _trimesh(cloud: Any) -> Converted:
 
     if not hasattr(cloud, "vertices"):
         raise UserError(f"a trimesh {type(cloud).__name__} has no vertices: give a PointCloud or a Trimesh")
-    points = _checked(np.asarray(cloud.vertices, np.float64))
+    points = _doubles(np.asarray(cloud.vertices))
     colours = np.asarray(cloud.visual.vertex_colors) if hasattr(cloud, "visual") else np.zeros(0)
 
     def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
@@ -88,7 +118,7 @@ def _trimesh(cloud: Any) -> Converted:
 
 
 def _open3d(cloud: Any) -> Converted:
-    points = _checked(np.asarray(cloud.points, np.float64))
+    points = _doubles(np.asarray(cloud.points))
     columns = {name: np.asarray(getattr(cloud, name)) for name in ("colors", "normals") if len(getattr(cloud, name))}
 
     def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:

@@ -4,6 +4,7 @@ import math
 import re
 from collections import OrderedDict
 from collections.abc import Callable
+from reprlib import repr as short
 from typing import Any, ClassVar
 
 import numpy as np
@@ -109,7 +110,7 @@ def _encoded(builder: Builder, call: StandIn) -> bytes:
     """How protocols before 3 write bytes."""
     text, *rest = builder.build(call.args)
     if not isinstance(text, str) or not rest or rest[0] not in ENCODINGS:
-        raise ValueError(f"text in another encoding than latin1: {rest}")
+        raise ValueError(f"text in another encoding than latin1: {short(rest)}")
     return text.encode("latin1")
 
 
@@ -144,22 +145,22 @@ def _dtype(note: Any) -> np.dtype[Any]:
         raise ValueError("an array without a dtype")
     name, state = note.args[0], note.state
     if not isinstance(name, str) or not DTYPE.fullmatch(name):
-        raise ValueError(f"an array of dtype {name!r}")
+        raise ValueError(f"an array of dtype {short(name)}")
     dtype = np.dtype(name)
     if state is not None:
         known = isinstance(state, tuple) and len(state) >= 8 and state[0] in (3, 4) and state[1] in ("<", ">", "|", "=")
         if not known or any(part is not None for part in state[2:5]):
-            raise ValueError(f"a dtype {name!r} of an unknown form")
+            raise ValueError(f"a dtype {short(name)} of an unknown form")
         dtype = dtype.newbyteorder(state[1])
     if dtype.itemsize == 0:
-        raise ValueError(f"an array of dtype {name!r}, whose items have no size")
+        raise ValueError(f"an array of dtype {short(name)}, whose items have no size")
     return dtype
 
 
 def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndarray:
     """An array of `data`, which must be exactly as much as `shape` takes."""
     if not isinstance(shape, tuple) or not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ValueError(f"an array of shape {shape!r}")
+        raise ValueError(f"an array of shape {short(shape)}")
     count = math.prod(shape)
     if dtype.kind == "O":
         if not isinstance(data, list) or len(data) != count:
@@ -195,7 +196,7 @@ def _reconstructed(builder: Builder, call: StandIn) -> np.ndarray:
 def _from_buffer(builder: Builder, call: StandIn) -> np.ndarray:
     data, dtype, shape, order, *axes = call.args
     if order not in ("C", "F", "K"):
-        raise ValueError(f"an array in order {order!r}")
+        raise ValueError(f"an array in order {short(order)}")
     array = array_of(_dtype(dtype), builder.build(shape), builder.build(data), "F" if order == "F" else "C")
     if order == "K" and axes and axes[0] is not None:
         array = array.transpose(builder.build(axes[0]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.errors import RunError, UserError
+from pcsr.extras import imported
 from pcsr.files import write_whole
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -27,14 +28,11 @@ def open3d() -> ModuleType:
         UserError: it is not installed, or a library of the system that it needs is not.
     """
     try:
-        import open3d
-    except ImportError as error:
-        raise UserError(f"this needs Open3D ({error}): pip install 'pcsr[open3d]'") from error
+        module: ModuleType = imported("open3d", "a surface or a window")
     except OSError as error:
         raise UserError(
             f"Open3D cannot be loaded ({error}): on Debian and Ubuntu, apt install libusb-1.0-0 libgl1 libgomp1"
         ) from error
-    module: ModuleType = open3d
     return module
 
 

@@ -8,7 +8,7 @@ is called.
 
 import math
 import pickle  # noqa: TID251  (the one place: a subclass that never looks a name up; recorded touches are pickles)
-import warnings
+import textwrap
 from collections.abc import Callable, Collection
 from io import BytesIO
 from pathlib import Path
@@ -16,15 +16,33 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from pcsr.clouds.npy import read_header
 from pcsr.clouds.rebuild import MAKERS, Builder, Inert, StandIn, array_of
 from pcsr.errors import UserError
+from pcsr.inputs import read_bytes
 
 __all__ = ["Inert", "load_numpy", "load_pickle"]
 
 DEEPEST = 32
 """Tuples may be nested so far. Hashing a deeper one could overflow the stack of the interpreter itself."""
+LARGEST_PICKLE = 1 << 28
+"""Bytes of the largest pickle: 256 MiB."""
+STEPS = 5 * 10**6
+"""Steps of the longest pickle, each of which may make an object; arrays are one step, whatever their size."""
 LARGEST = 10**7
 """So many items may a tuple hold with all that is nested in it, each as often as it is there: hashing visits all."""
+
+
+class _Counted(dict[int, Callable[..., None]]):
+    """What each code of a pickle does, as long as there are not too many of them."""
+
+    left = STEPS
+
+    def __getitem__(self, code: int) -> Callable[..., None]:
+        self.left -= 1
+        if self.left < 0:
+            raise ValueError(f"it has more than {STEPS} steps, and no data file needs as many")
+        return super().__getitem__(code)
 
 
 class _Reader(pickle._Unpickler):
@@ -39,6 +57,7 @@ class _Reader(pickle._Unpickler):
     def __init__(self, data: bytes, path: Path, inert: Collection[str]) -> None:
         super().__init__(BytesIO(data), encoding="latin1")
         self.path, self.harmless = path, tuple(inert)
+        self.dispatch = _Counted(_Reader.dispatch)  # type: ignore[misc]
         self.names: dict[str, type[StandIn]] = {}
         self.nested: dict[int, tuple[int, int, Any]] = {}
 
@@ -87,16 +106,10 @@ def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
         raise
     except Exception as error:  # a malformed program trips over anything, memory and recursion included
         reason = "it ends too early" if isinstance(error, EOFError) else str(error) or type(error).__name__
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else textwrap.shorten(reason, 200)
         raise UserError(
             f"{path} cannot be read as a pickle of plain data: {reason}; get the file again, or as plain arrays"
         ) from error
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def load_pickle(path: Path, inert: Collection[str] = ()) -> Any:
@@ -109,7 +122,7 @@ def load_pickle(path: Path, inert: Collection[str] = ()) -> Any:
     Raises:
         UserError: the file is not there, is damaged, or asks for anything but data.
     """
-    return _unpickled(_bytes(path), path, inert)
+    return _unpickled(read_bytes(path, most=LARGEST_PICKLE), path, inert)
 
 
 def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
@@ -122,11 +135,11 @@ def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
     Raises:
         UserError: the file is not there, is damaged, holds records, or asks for anything but data.
     """
-    file = BytesIO(_bytes(path))
+    file = BytesIO(read_bytes(path))
     try:
-        shape, fortran, dtype = _header(file)
-    except Exception as error:  # the header is a Python literal: a malformed one trips over anything
-        raise UserError(f"{path} cannot be read as an .npy file: {error}; get the file again") from error
+        shape, fortran, dtype = read_header(file)
+    except UserError as error:
+        raise UserError(f"{path} cannot be read as an .npy file: {error}") from error
     if not dtype.hasobject and dtype.kind in "biufcSU" and dtype.itemsize > 0:
         try:
             return array_of(dtype, shape, file.read(), "F" if fortran else "C")
@@ -134,18 +147,10 @@ def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
             raise UserError(f"{path} is cut off or damaged: it holds {error}; get the file again") from error
     if dtype != np.dtype(object):
         raise UserError(f"{path} holds items of dtype {dtype}: arrays of numbers, text or objects are read")
-    array = _unpickled(file.read(), path, inert)
+    data = file.read(LARGEST_PICKLE + 1)
+    if len(data) > LARGEST_PICKLE:
+        raise UserError(f"{path} holds objects in more than {LARGEST_PICKLE} bytes: ask for plain arrays")
+    array = _unpickled(data, path, inert)
     if not isinstance(array, np.ndarray) or array.dtype != dtype or array.size != math.prod(shape):
         raise UserError(f"{path} is damaged: it says that it holds objects of shape {shape}, and does not")
     return array.reshape(shape).item() if shape == () else array.reshape(shape)
-
-
-def _header(file: BytesIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that Python 2 wrote it
-        version = np.lib.format.read_magic(file)
-        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        if version not in readers:
-            raise ValueError(f"its version {version} is not known")
-        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = readers[version](file)
-        return header

@@ -15,6 +15,7 @@ from torch import Tensor
 from pcsr.data.dataset import Split
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
+from pcsr.geometry.patches import in_patch
 from pcsr.recipe import Patches
 
 EVEN = 0.5
@@ -141,12 +142,6 @@ class Batches:
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:
     """Whether a cloud was drawn from the truth. What a camera saw was not, and drawn anew it would be another's."""
     return bool((truth == points[0]).all(1).any())
-
-
-def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:
-    """Which touches belong to a patch, whose own frame they are in: those whose middle lies in its unit sphere."""
-    inside: Tensor = touches.mean(-2).norm(dim=-1) <= 1
-    return inside
 
 
 def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:

@@ -14,7 +14,7 @@ from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_manifest
 from pcsr.errors import UserError
 from pcsr.metrics import METRICS
-from pcsr.recipe import Recipe, from_resolved
+from pcsr.recipe import PARTS, Recipe, from_resolved
 from pcsr.registry import Registry
 
 
@@ -129,7 +129,8 @@ class Built:
         plain = recipe.resolved()
         plain["data"] = {**data, "touches": recipe.data.touches}
         plain["joined"] = list(self.joined)
-        return from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}")
+        parts = PARTS.keys() - ({("train", "objective")} if recipe.weights else set())  # with weights none is needed
+        return from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}", parts)
 
     def _check_touches(self, recipe: Recipe) -> None:
         wanted = recipe.data.touches if recipe.weights else recipe.most_touches  # nothing is trained with weights

@@ -11,7 +11,7 @@ from pcsr.data.plan import Plan
 from pcsr.data.sample import Rejected, Sample, make_sample
 from pcsr.errors import UserError
 from pcsr.plugins import load_plugins
-from pcsr.recipe import Recipe, from_resolved
+from pcsr.recipe import DATA, Recipe, from_resolved
 from pcsr.registry import Registry
 from pcsr.workers import WorkerPool
 
@@ -40,7 +40,7 @@ def _worker(recipe: str, files: tuple[str, ...]) -> "_Worker":
     # Plugins given as files are loaded in each process: their classes are not importable by name otherwise.
     registry = load_plugins([Path(file) for file in files])
     plain: dict[str, Any] = json.loads(recipe)
-    return _Worker(from_resolved(plain, registry), registry)
+    return _Worker(from_resolved(plain, registry, parts=DATA), registry)
 
 
 class _Worker:

@@ -9,11 +9,14 @@ from typing import Any
 
 from pcsr.contracts import Shapes, TouchSource
 from pcsr.errors import UserError
+from pcsr.extras import require
 from pcsr.recipe import PartSpec, Recipe
 from pcsr.registry import Registry
 
 FORMAT = 1
 """Of the files; raised when they change, and with it every fingerprint."""
+SEEN = ("view", "mixed")
+"""Samplings that cast the rays of a camera."""
 SPLITS = ("train", "validation", "test")
 
 
@@ -36,8 +39,9 @@ class Plan:
         """Look at what there is to build from, and hash it.
 
         Raises:
-            UserError: no split has any object.
+            UserError: no split has any object, or a package that building needs is not installed.
         """
+        require(packages(recipe, registry))
         shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
         source: TouchSource = recipe.data.touch.build(registry, "touch")
         names: dict[str, Sequence[str]] = {}
@@ -79,6 +83,17 @@ class Plan:
         if split not in self.names:
             raise UserError(self.empty[split])
         return self.names[split]
+
+
+def packages(recipe: Recipe, registry: Registry) -> dict[str, str]:
+    """The packages that building a recipe's data needs, each with what needs it."""
+    data = recipe.data
+    needed = data.shapes.needs(registry, "shapes")
+    if data.sampling in SEEN:
+        needed |= {"embreex": f"sampling: {data.sampling}"}
+    if recipe.most_touches:
+        needed |= data.touch.needs(registry, "touch")
+    return needed
 
 
 def _decisive(spec: PartSpec, part: TouchSource) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, FailFast, Field, ValidationError, model_validator
 
 from pcsr.data.plan import SPLITS
-from pcsr.mistakes import in_words, shown
+from pcsr.mistakes import explained, shown
 
 Model = TypeVar("Model", bound=BaseModel)
 Count = Annotated[int, Field(ge=0)]
@@ -174,5 +174,7 @@ def parsed(model: type[Model], text: str | bytes) -> Model:
         return model.model_validate_json(text)
     except ValidationError as error:
         first, *others = error.errors(include_url=False)
-        said = in_words(first, ".".join(str(key) for key in first["loc"] if key != "[key]"))
+        path = ".".join(str(key) for key in first["loc"] if key != "[key]")
+        wrong = "it must be given" if first["type"] == "missing" else explained([first])
+        said = f"{path}: {wrong}" if path else wrong
         raise ValueError(f"{said} (and {len(others)} more)" if others else said) from error

@@ -6,6 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
+from pcsr.geometry.magnitude import exponent, scaled
+
+SMALLEST, LARGEST = 1e-300, 1e307
+"""Radii with which doubles divide and multiply without loss."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class UnitSphere:
         """The sphere about the centroid that reaches the farthest point.
 
         Raises:
-            UserError: the cloud is empty, not finite, or all on one spot.
+            UserError: the cloud is empty, not finite, all on one spot, or at the end of what doubles hold.
         """
         if len(points) == 0:
             raise UserError("the cloud has no points: there is nothing to fit a frame to")
@@ -39,9 +43,17 @@ class UnitSphere:
                 f"all {len(cloud)} points of the cloud lie on one spot, {cloud[0].tolist()}: "
                 f"a cloud needs an extent to be scaled"
             )
+        power = exponent([cloud])
+        cloud = scaled(cloud, -power)
         centre = cloud.mean(0)
         radius = float(np.linalg.norm(cloud - centre, axis=1).max())
-        return cls(centre, radius)
+        sphere = cls(scaled(centre, power), float(np.ldexp(radius, power)))
+        if not SMALLEST <= sphere.radius <= LARGEST:
+            raise UserError(
+                f"the cloud's radius is {sphere.radius:.4g}: radii of {SMALLEST:g} to {LARGEST:g} can be scaled to 1: "
+                f"take another unit"
+            )
+        return sphere
 
     def apply(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
         """Into the unit sphere; float32."""

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
+from torch import Tensor
 
 DIGITS = 7
 """Decimals of coordinates in a patch's own frame: about what single precision holds."""
@@ -67,6 +68,12 @@ def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[
         nearest = tree.query(points[cell].mean(0), k=size)[1]
         margin = nearest[~np.isin(nearest, cell)][: size - len(cell)]
         yield Patch(np.concatenate([cell, margin]), len(cell))
+
+
+def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:
+    """Which touches belong to a patch, whose own frame they are in: those whose middle lies in its unit sphere."""
+    inside: Tensor = touches.mean(-2).norm(dim=-1) <= 1
+    return inside
 
 
 def cells(points: Float[np.ndarray, "n 3"], most: int) -> Iterator[Int[np.ndarray, " cell"]]:

@@ -2,14 +2,15 @@
 
 import numpy as np
 import trimesh
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float
 
 from pcsr.errors import UserError
+from pcsr.extras import imported
 
 EDGE_ON = 0.3
 """A face whose normal makes less than this cosine with a ray is seen nearly edge-on by it."""
+RAYS = "casting rays"
+"""What needs embreex, in a message to who hasn't got it."""
 
 
 class MeshRays:
@@ -18,7 +19,7 @@ class MeshRays:
     Faces are solid from both sides: neither their order nor a hole in the mesh matters.
 
     Raises:
-        UserError: the mesh has no area, or a coordinate is not finite.
+        UserError: the mesh has no area, a coordinate is not finite, or the extra `[simulate]` is not installed.
     """
 
     def __init__(self, mesh: trimesh.Trimesh, object_size: float | None, name: str) -> None:
@@ -52,10 +53,11 @@ class MeshRays:
             raise UserError(f"{name}: the mesh has no area, so there is nothing to touch: leave it out")
         self._normals = cross / np.where(double > 0, double, 1)[:, None]
         self._cumulated = np.cumsum(double) / double.sum()
-        self._scene = EmbreeScene()
+        self._scene = imported("embreex.rtcore_scene", RAYS).EmbreeScene()
         # A vertex that no face has may be anything.
         vertices = np.nan_to_num((vertices - (low + high) / 2) * scale, posinf=0.0, neginf=0.0)
-        TriangleMesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
+        triangle_mesh = imported("embreex.mesh_construction", RAYS).TriangleMesh
+        triangle_mesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
 
     def places(
         self, count: int, rng: np.random.Generator

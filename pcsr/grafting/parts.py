@@ -12,6 +12,7 @@ from pcsr.contracts import Encoder, Fusion, Widths
 from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
+from pcsr.mistakes import explained
 from pcsr.model import fuse
 from pcsr.recipe.schema import PartSpec, options_model
 from pcsr.registry import Registry
@@ -78,7 +79,7 @@ def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> 
         return f"{owner} takes no '{key}': {did_you_mean(key, known)}"
     if error["type"] == "missing":
         return f"{owner}.{key} is missing: add it"
-    return f"{owner}.{key}: {error['msg'][0].lower()}{error['msg'][1:]}, got {error['input']!r}"
+    return f"{owner}.{key}: {explained([error])}"
 
 
 def try_parts(grafted: Grafted, like: Tensor) -> None:

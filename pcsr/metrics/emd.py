@@ -8,6 +8,7 @@ from scipy.spatial.distance import cdist
 from torch import Tensor
 
 from pcsr.errors import UserError
+from pcsr.extras import require
 from pcsr.metrics.nearest import require_finite
 from pcsr.metrics.transport import mean_distance
 
@@ -23,17 +24,26 @@ def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> F
     Exact up to 1024 points. Above, proven to be at most 0.01 % above the exact value, and never below it.
 
     Raises:
-        UserError: the clouds differ in size.
+        UserError: the clouds differ in size, or are larger than 1024 points and the extra `[train]` is not installed.
         RunError: a cloud is empty, or a coordinate is not finite.
     """
     require_finite(prediction, target)
-    if prediction.shape[1] != target.shape[1]:
-        raise UserError(
-            f"emd compares clouds of one size, got {prediction.shape[1]} and {target.shape[1]} points: thin one of them"
-        )
+    check_sizes(prediction.shape[1], target.shape[1])
     pairs = zip(prediction.detach().cpu().double(), target.detach().cpu().double(), strict=True)
     rows = [_mean_distance(p.numpy(), t.numpy()) for p, t in pairs]
     return torch.tensor(rows, dtype=prediction.dtype, device=prediction.device)
+
+
+def check_sizes(prediction: int, target: int) -> None:
+    """Check that clouds of so many points can be measured here.
+
+    Raises:
+        UserError: the numbers differ, or they are large and the extra `[train]` is not installed.
+    """
+    if prediction != target:
+        raise UserError(f"emd compares clouds of one size, got {prediction} and {target} points: thin one of them")
+    if prediction > EXACT:
+        require({"ot": f"emd of more than {EXACT} points"})
 
 
 def _mean_distance(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> float:

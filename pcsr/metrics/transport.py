@@ -17,7 +17,9 @@ import torch
 from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 
+from pcsr.extras import imported
 from pcsr.geometry.patches import cells
+from pcsr.threads import allowed, single_thread, threads
 
 CELL = 8
 """Points of a cell of the small problem: larger ones give worse first prices, smaller ones a larger problem."""
@@ -30,6 +32,9 @@ PIVOTS = 10**9
 
 ROUNDING = 1e-12
 """A gap of so much of the clouds' extent is the arithmetic's."""
+
+USER = "the earth mover's distance of large clouds"
+"""What needs POT, in a message to who hasn't got it."""
 
 Cloud = Float[np.ndarray, "n 3"]
 Prices = Float[np.ndarray, " n"]
@@ -50,21 +55,19 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
 
     Returns:
         The mean distance, and the lower bound on that of any assignment.
+
+    Raises:
+        UserError: the extra `[train]` is not installed.
     """
-    threads = torch.get_num_threads()
+    # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
+    corner = np.minimum(a.min(0), b.min(0))
+    extent = float(np.maximum((a - corner).max(), (b - corner).max()))
+    if extent == 0:
+        return 0.0, 0.0
     # Threads that work on blocks of their own: those inside of each operation would wait for one another all the time.
-    torch.set_num_threads(1)
-    try:
-        # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
-        corner = np.minimum(a.min(0), b.min(0))
-        extent = float(np.maximum((a - corner).max(), (b - corner).max()))
-        if extent == 0:
-            return 0.0, 0.0
-        with ThreadPoolExecutor(threads) as pool:
-            mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
-        return extent * mean, extent * bound
-    finally:
-        torch.set_num_threads(threads)
+    with threads(1), ThreadPoolExecutor(allowed(), initializer=single_thread) as pool:
+        mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
+    return extent * mean, extent * bound
 
 
 def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tuple[float, float]:
@@ -102,8 +105,7 @@ def _some_plan(count_a: Counts, count_b: OtherCounts) -> Pairs:
 
 def _prices_of_cells(a: Cloud, b: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
     """Centroids of a's cells, and their prices in the best plan to those of b's."""
-    import ot  # takes a second
-
+    ot = imported("ot", USER)  # takes a second
     (centres, shares), (centres_b, shares_b) = (_cells(cloud) for cloud in (a, b))
     cost = np.linalg.norm(centres[:, None] - centres_b, axis=2)
     log = ot.emd(shares, shares_b, cost, numItermax=PIVOTS, log=True, center_dual=False)[1]
@@ -114,8 +116,7 @@ def _solve(
     a: Cloud, count_a: Counts, b: Other, count_b: OtherCounts, pairs: Pairs
 ) -> tuple[float, Prices, OtherPrices]:
     """The mean distance of the best plan that uses these pairs alone, and the prices u and v that prove it."""
-    import ot
-
+    ot = imported("ot", USER)
     i, j = np.divmod(pairs, len(b))
     cost = coo_array((np.linalg.norm(a[i] - b[j], axis=1), (i, j)), shape=(len(a), len(b)))
     shares = (count / count.sum() for count in (count_a, count_b))

@@ -1,17 +1,20 @@
 """Recipes: plain YAML that says which parts make a network, on which data, and how it is trained."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pcsr.recipe.check import check
-from pcsr.recipe.compose import compose, lay_over
+from pcsr.recipe.check import check, check_card
+from pcsr.recipe.compose import DATA, MODEL, PARTS, compose, lay_over
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
-from pcsr.recipe.source import Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
 __all__ = [
+    "DATA",
+    "MODEL",
+    "PARTS",
     "Data",
     "Mistake",
     "PartSpec",
@@ -20,6 +23,7 @@ __all__ = [
     "Recipe",
     "RecipeError",
     "View",
+    "check_card",
     "for_data",
     "from_resolved",
     "load",
@@ -44,12 +48,15 @@ def load(
         RecipeError: every mistake in it, with file, line and column.
         UserError: a file that can't be read.
     """
-    recipes, mistakes = [], []
+    recipes = []
+    mistakes: set[Mistake] = set()
     for source in compose(path, overrides, axes or {}):
         try:
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
-            mistakes += error.mistakes
+            mistakes.update(error.mistakes)
+            if len(mistakes) > MOST_TOLD:  # a mistake of the file is found in each run of its matrix
+                break
     if mistakes:
         raise RecipeError(mistakes)
     return recipes
@@ -80,10 +87,21 @@ def for_data(
     return check(source, registry)
 
 
-def from_resolved(data: dict[str, Any], registry: Registry, origin: str = "recipe in the weights") -> Recipe:
+def from_resolved(
+    data: dict[str, Any],
+    registry: Registry,
+    origin: str = "recipe in the weights",
+    parts: Collection[Keys] = PARTS.keys(),
+) -> Recipe:
     """A recipe from what `Recipe.resolved` gave.
+
+    Args:
+        data: what it gave.
+        registry: gives the parts.
+        origin: names it in messages.
+        parts: the places whose parts are checked and must be here; all by default, `DATA` to build data.
 
     Raises:
         RecipeError: it names parts or options that this installation doesn't have.
     """
-    return check(Source(data, {(): Place(origin)}), registry)
+    return check(Source(data, {(): Place(origin)}), registry, parts)

@@ -1,14 +1,15 @@
 """Checking a recipe: every mistake at once, each with its place and the fix."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.recipe.compose import PARTS, merge
-from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Recipe, options_model
+from pcsr.mistakes import explained, shown
+from pcsr.recipe.compose import MODEL, PARTS, merge
+from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
@@ -16,8 +17,14 @@ Locate = Callable[[Keys, bool], Place]
 """Where a value stands, or the key of one."""
 
 
-def check(source: Source, registry: Registry) -> Recipe:
+def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.keys()) -> Recipe:
     """The recipe that a source describes.
+
+    Args:
+        source: what is written.
+        registry: gives the parts that are checked.
+        parts: the places of these, of `PARTS`. Elsewhere a part is plain data: it need not be installed, and its
+            options stay as they are written.
 
     Raises:
         RecipeError: it has mistakes; all of them.
@@ -28,7 +35,11 @@ def check(source: Source, registry: Registry) -> Recipe:
         section = data.get(str(keys[0]))
         optional = keys == ("model", "touch_encoder")
         if isinstance(section, dict) and keys[1] in section and not (optional and section[keys[1]] is None):
-            section[keys[1]] = _part(source, registry, keys, kind, section[keys[1]], mistakes)
+            written = section[keys[1]]
+            if keys in parts or not _is_part(written):
+                section[keys[1]] = _part(source, registry, keys, kind, written, mistakes)
+            else:
+                section[keys[1]] = {"use": written["use"], "options": _options(written)}
     recipe: Recipe | None = None
     try:
         recipe = Recipe.model_validate(data)
@@ -44,6 +55,27 @@ def check(source: Source, registry: Registry) -> Recipe:
     return recipe
 
 
+def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Recipe:
+    """The recipe in the card of weights, as far as inference needs it.
+
+    The parts of the network are checked and must be here. Those of the data and the training are plain data; a section
+    `evaluate` that this version cannot read is left out.
+
+    Args:
+        written: what `Recipe.resolved` gave when the weights were made.
+        registry: gives the parts.
+        origin: names it in messages.
+
+    Raises:
+        RecipeError: it has mistakes, or names parts or options of the network that are not here.
+    """
+    try:
+        Evaluate.model_validate(written.get("evaluate", {}))
+    except ValidationError:
+        written = {key: value for key, value in written.items() if key != "evaluate"}
+    return check(Source(written, {(): Place(origin)}), registry, MODEL)
+
+
 def _with_defaults(source: Source) -> dict[str, Any]:
     defaults = {section: parts for section, parts in DEFAULTS.items() if section not in source.data}
     defaults |= {section: DEFAULTS[section] for section in ("data", "train")}
@@ -55,7 +87,7 @@ def _part(
 ) -> dict[str, Any]:
     """A part's spec with all its options; what is wrong with it goes into `mistakes`."""
     blank = {"use": "", "options": {}}
-    if not isinstance(written, dict) or not isinstance(written.get("use"), str):
+    if not _is_part(written):
         example = next(iter(registry.names(kind)), "name")
         text = f"{'.'.join(map(str, keys))}: name the part, as `{keys[-1]}: {example}` or with `use:`"
         mistakes.append(Mistake(source.place(keys), text))
@@ -70,7 +102,7 @@ def _part(
         text = f"the options of {kind} '{name}' cannot be read off its constructor: {error}"
         mistakes.append(Mistake(source.place((*keys, "use")), text))
         return blank
-    options = {key: option for key, option in written.items() if key != "use"}
+    options = _options(written)
     try:
         checked = model.model_validate_json(json.dumps(options))
     except ValidationError as error:
@@ -81,6 +113,14 @@ def _part(
         mistakes += _mistakes(error, options, model, (f"{kind} '{name}'",), locate)
         return blank
     return {"use": name, "options": {key: getattr(checked, key) for key in type(checked).model_fields}}
+
+
+def _is_part(written: Any) -> bool:
+    return isinstance(written, dict) and isinstance(written.get("use"), str)
+
+
+def _options(written: dict[str, Any]) -> dict[str, Any]:
+    return {key: option for key, option in written.items() if key != "use"}
 
 
 def _mistakes(
@@ -99,19 +139,24 @@ def _mistakes(
 
 def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
     kind = ones[0]["type"]
-    path = ".".join(map(str, (*head, *keys)))
+    path = ".".join((*head, *map(_key, keys)))
     if kind == "extra_forbidden":
-        owner = " ".join([*head, *(str(k) for k in keys[:-1])]) or "a recipe"
+        owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
         if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
             return Mistake(locate(keys, True), f"'{keys[-1]}' is read before this: write it at the top of the file")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
-        return Mistake(locate(keys, True), f"{owner} takes no '{keys[-1]}': {remedy}")
+        return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":
         return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
     if kind == "model_type":
-        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {ones[0]['input']!r}")
-    said = " or ".join(dict.fromkeys(one["msg"][0].lower() + one["msg"][1:] for one in ones))
-    return Mistake(locate(keys, False), f"{path}: {said}, got {ones[0]['input']!r}")
+        got = shown(ones[0]["input"])
+        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {got}")
+    return Mistake(locate(keys, False), f"{path}: {explained(ones)}")
+
+
+def _key(key: int | str) -> str:
+    """A key in a message, shortened where it is long."""
+    return shown(key)[1:-1] if isinstance(key, str) else str(key)
 
 
 def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:

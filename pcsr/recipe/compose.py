@@ -2,14 +2,24 @@
 
 import copy
 import itertools
+import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pcsr.errors import UserError
+from pcsr.mistakes import shown, shown_path
 from pcsr.recipe.schema import DEFAULTS, NAME
-from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source, read, scalar
+from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
 
+MOST_RUNS = 1_000
+"""Runs that one command composes: rows of a matrix, recipes of a study, and both together."""
+MOST_PARENTS = 32
+"""Files that extend each other in a row."""
+LONGEST_LABEL = 60
+"""Characters that a value of a matrix adds to the name of its run."""
 PARTS: dict[Keys, str] = {
     ("data", "shapes"): "shapes",
     ("data", "touch"): "touch",
@@ -21,23 +31,33 @@ PARTS: dict[Keys, str] = {
     ("train", "objective"): "objective",
 }
 """Where a part is named, and of which kind; a bare name is short for `{use: name}` there."""
+DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
+"""The parts that building data needs, and those of the network, which are all that inference needs."""
 
 
-def compose(path: Path, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None) -> list[Source]:
+def compose(
+    path: Path, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None
+) -> Iterator[Source]:
     """Every run that a recipe file describes; one, unless it compares recipes or has a matrix.
 
     Raises:
-        RecipeError: a file that is not YAML, or extends or compares what it can't. Other mistakes go into the sources.
+        RecipeError: a file that is not YAML, or extends or compares what it can't, or describes more than `MOST_RUNS`
+            runs. Other mistakes go into the sources.
         UserError: a file that can't be read.
     """
-    runs: list[Source] = []
+    if len(overrides) > MOST_RUNS:
+        raise UserError(f"--set is given {len(overrides)} times, and at most {MOST_RUNS} are read: use a recipe file")
+    runs = 0
     for source in compared(path, _with_parents(path, ())):
         for override in overrides:
             lay_over(source, override)
         for axis, values in (axes or {}).items():
             _add_axis(source, axis, values)
-        runs += _expand(source)
-    return runs
+        runs += _count(source)
+        if runs > MOST_RUNS:
+            text = f"that makes {shown(runs)} runs or more, and one command takes at most {MOST_RUNS}: split the study"
+            raise RecipeError([Mistake(source.place(("matrix",)), text)])
+        yield from _expand(source)
 
 
 def compared(path: Path, study: Source) -> Iterator[Source]:
@@ -55,6 +75,9 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
     if not (isinstance(rows, list) and rows):
         text = "recipes names recipe files in a list: `recipes: [tapsr.yaml, pu-gan.yaml]`"
         raise RecipeError([Mistake(study.values[("recipes",)], text)])
+    if len(rows) > MOST_RUNS:
+        text = f"recipes names {len(rows)} recipes, and one command takes at most {MOST_RUNS}: split the study"
+        raise RecipeError([Mistake(study.values[("recipes",)], text)])
     for number, row in enumerate(rows):
         item: Keys = ("recipes", number)
         changes = row if isinstance(row, dict) else {"use": row}
@@ -62,8 +85,9 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
             text = "a recipe to compare is a file, or `{use: file, dotted.key: value}`"
             raise RecipeError([Mistake(study.place(item), text)])
         target = path.parent / changes["use"]
-        if not target.is_file():
-            raise RecipeError([Mistake(study.place(item), f"there is no recipe {target}: it is relative to this file")])
+        if not os.path.isfile(target):  # a name that no file can have is no error to this one
+            text = f"there is no recipe {shown_path(target)}: it is relative to this file"
+            raise RecipeError([Mistake(study.place(item), text)])
         single = _with_parents(target, ())
         if "recipes" in single.data:
             text = f"{target} is a study itself, and a study names recipes: name those of it"
@@ -72,7 +96,7 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
         made = merge(single, study)
         for dotted, value in changes.items():
             if dotted != "use":
-                assign(made, tuple(dotted.split(".")), value, study.place((*item, dotted)))
+                _assign_dotted(made, dotted, value, study.place((*item, dotted)))
         if isinstance(name, str) and isinstance(study.data.get("name"), str):
             made.data["name"] = f"{study.data['name']}-{name}"
         yield made
@@ -85,13 +109,17 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     parent = source.data.pop("extends")
     place = source.values[("extends",)]
     if not isinstance(parent, str):
-        raise RecipeError([Mistake(place, f"extends names one recipe file, got {parent!r}")])
+        raise RecipeError([Mistake(place, f"extends names one recipe file, got {shown(parent)}")])
     target = path.parent / parent
     line = (*children, path.resolve())
+    if not os.path.isfile(target):  # a name that no file can have is no error to this one
+        text = f"there is no recipe {shown_path(target)}: extends is relative to this file"
+        raise RecipeError([Mistake(place, text)])
     if target.resolve() in line:
         raise RecipeError([Mistake(place, f"'{parent}' extends this recipe in turn: break the circle")])
-    if not target.is_file():
-        raise RecipeError([Mistake(place, f"there is no recipe {target}: extends is relative to this file")])
+    if len(line) > MOST_PARENTS:
+        text = f"more than {MOST_PARENTS} recipes extend each other in a row: extend one that stands further up"
+        raise RecipeError([Mistake(place, text)])
     return merge(_with_parents(target, line), source)
 
 
@@ -111,37 +139,41 @@ def merge(under: Source, over: Source) -> Source:
     The options of a part stay if the same part is named again, and go with it if another is.
     """
     merged = under.copy()
-    _merge_into(merged, over, (), merged.data, over.data)
+    kept, replaced = _merge_into((), merged.data, over.data)
+    for mine, theirs in ((merged.values, over.values), (merged.names, over.names)):
+        for known in [keys for keys in mine if _inside(keys, replaced)]:
+            del mine[known]
+        mine |= {keys: place for keys, place in theirs.items() if keys in kept or _inside(keys, replaced)}
     merged.values[()] = over.values[()]
     merged.mistakes += over.mistakes
     return merged
 
 
-def _merge_into(target: Source, over: Source, keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> None:
+def _merge_into(keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> tuple[set[Keys], set[Keys]]:
+    """Lay `above` over `below`: which values were laid over key by key, and which were replaced whole."""
+    kept: set[Keys] = set()
+    replaced: set[Keys] = set()
     for key, value in above.items():
         here = (*keys, key)
         old = below.get(key)
-        inside = isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value)
-        if inside:
-            _merge_into(target, over, here, below[key], value)
+        if isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value):
+            kept.add(here)
+            for all_of, inner in zip((kept, replaced), _merge_into(here, old, value), strict=True):
+                all_of |= inner
         else:
-            _forget(target, here)
+            replaced.add(here)
             below[key] = copy.deepcopy(value)
-        for mine, theirs in ((target.values, over.values), (target.names, over.names)):
-            for known, place in theirs.items():
-                if known == here or (not inside and known[: len(here)] == here):
-                    mine[known] = place
+    return kept, replaced
+
+
+def _inside(keys: Keys, replaced: set[Keys]) -> bool:
+    """Whether a value, or one around it, is among those that were replaced."""
+    return any(keys[:depth] in replaced for depth in range(1, len(keys) + 1))
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
     """The options of one part mean nothing to another."""
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
-
-
-def _forget(source: Source, keys: Keys) -> None:
-    for places in (source.values, source.names):
-        for known in [k for k in places if k[: len(keys)] == keys]:
-            del places[known]
 
 
 def lay_over(source: Source, override: str, written: str | None = None) -> None:
@@ -152,7 +184,7 @@ def lay_over(source: Source, override: str, written: str | None = None) -> None:
         override: what to apply.
         written: what a person wrote for it, if that was something else.
     """
-    place = Place(f"--set {written or override}")
+    place = Place(f"--set {_short(written or override)}")
     dotted, equals, text = override.partition("=")
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")
@@ -161,6 +193,9 @@ def lay_over(source: Source, override: str, written: str | None = None) -> None:
     if not equals or not all(keys):
         remedy = "write --set dotted.key=value, for example --set train.epochs=5"
         source.mistakes.append(Mistake(place, remedy))
+    elif len(keys) > DEEPEST:
+        text = f"it has {len(keys)} keys in each other, and no recipe more than {DEEPEST}"
+        source.mistakes.append(Mistake(place, text))
     elif keys[0] == "extends":
         source.mistakes.append(Mistake(place, "extends is read before --set: write it in the file"))
     elif together:
@@ -190,6 +225,10 @@ def _add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
             source.values["matrix", axis, number] = Place(f"--{axis.rpartition('.')[2]} {value}")
 
 
+def _short(override: str) -> str:
+    return shown(override)[1:-1] if len(override) > 200 else override
+
+
 def _varied(rows: Any) -> set[str]:
     return {key for row in rows if _is_group(row) for key in row} if isinstance(rows, list) else set()
 
@@ -210,6 +249,24 @@ def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | N
     source.data, source.values, source.names = merged.data, merged.values, merged.names
 
 
+def _assign_dotted(source: Source, dotted: str, value: Any, place: Place, name: Place | None = None) -> None:
+    """As `assign`, for a key that a person wrote with dots; one of too many is a mistake."""
+    keys = tuple(dotted.split("."))
+    if len(keys) > DEEPEST:
+        text = f"{shown(dotted)} has {len(keys)} keys in each other, and no recipe more than {DEEPEST}"
+        source.mistakes.append(Mistake(name or place, text))
+    else:
+        assign(source, keys, value, place, name)
+
+
+def _count(source: Source) -> int:
+    """How many runs the matrix of a source makes."""
+    matrix = source.data.get("matrix")
+    if not isinstance(matrix, dict):
+        return 1
+    return math.prod(len(values) for values in matrix.values() if isinstance(values, list))
+
+
 def _expand(source: Source) -> Iterator[Source]:
     """A matrix to its product: each row one recipe, named after its values."""
     matrix = source.data.pop("matrix", None)
@@ -222,10 +279,14 @@ def _expand(source: Source) -> Iterator[Source]:
         yield source
         return
     labels = [_labels(axis, values) for axis, values in matrix.items()]
+    written, source = source, source.copy()
+    for places in (source.values, source.names):  # those of the matrix would be copied for each run
+        for keys in [keys for keys in places if keys[:1] == ("matrix",)]:
+            del places[keys]
     for row in itertools.product(*(range(len(values)) for values in matrix.values())):
         run = source.copy()
         for (axis, values), index in zip(matrix.items(), row, strict=True):
-            _vary(run, source, axis, values[index], index)
+            _vary(run, written, axis, values[index], index)
         name = source.data.get("name")
         if isinstance(name, str) and re.fullmatch(NAME, name):  # a bad one is reported as it is written
             run.data["name"] = "-".join([name, *(of[index] for of, index in zip(labels, row, strict=True))])
@@ -235,11 +296,11 @@ def _expand(source: Source) -> Iterator[Source]:
 def _vary(run: Source, written: Source, axis: str, value: Any, index: int) -> None:
     item: Keys = ("matrix", axis, index)
     if not _is_group(value):
-        assign(run, tuple(axis.split(".")), value, written.place(item), written.names.get(item[:2]))
+        _assign_dotted(run, axis, value, written.place(item), written.names.get(item[:2]))
         return
     for dotted, one in value.items():
         inner = (*item, dotted)
-        assign(run, tuple(dotted.split(".")), one, written.place(inner), written.names.get(inner))
+        _assign_dotted(run, dotted, one, written.place(inner), written.names.get(inner))
 
 
 def _not_a_matrix(source: Source, matrix: Any) -> list[Mistake]:
@@ -273,4 +334,6 @@ def _label(axis: str, value: Any) -> str:
     """`touches.3`, `fusion.none`: the axis and its value; of a group, the value that comes first."""
     first = next(iter(value.values())) if _is_group(value) else value
     named = first.get("use", "") if isinstance(first, dict) else first
-    return re.sub(r"[^a-z0-9]+", ".", f"{axis.rpartition('.')[2]}.{named}".lower()).strip(".")
+    text = named if isinstance(named, str) else shown(named)
+    label = f"{axis.rpartition('.')[2]}.{text[:LONGEST_LABEL]}".lower()
+    return re.sub(r"[^a-z0-9]+", ".", label).strip(".")[:LONGEST_LABEL]

@@ -9,8 +9,8 @@ from pcsr import weights
 from pcsr.contracts import Trait
 from pcsr.errors import UserError
 from pcsr.files import sha256
-from pcsr.recipe.check import check
-from pcsr.recipe.compose import merge
+from pcsr.recipe.check import check, check_card
+from pcsr.recipe.compose import PARTS, merge
 from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
@@ -19,7 +19,10 @@ from pcsr.weights.file import read_file
 
 @dataclass(frozen=True)
 class Trained:
-    """Finished weights, and what their card says of them; the weights themselves are not read."""
+    """Finished weights, and what their card says of them; the weights themselves are not read.
+
+    Only the parts of the network need be here: those of the data and the training are what the card says of them.
+    """
 
     path: Path
     sha256: str
@@ -38,7 +41,7 @@ class Trained:
         if not isinstance(card.get("recipe"), dict):
             raise UserError(f"{path} holds no recipe, so nobody knows which network its weights are of")
         try:
-            recipe = check(Source(card["recipe"], {(): Place(f"recipe in {path}")}), registry)
+            recipe = check_card(card["recipe"], registry, f"recipe in {path}")
         except RecipeError as error:
             raise UserError("; ".join(map(str, error.mistakes))) from error
         return cls(path, sha256(path), recipe)
@@ -69,7 +72,7 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     under |= {"train": plain["train"], "data": {"rate": plain["data"]["rate"]}}
     laid = merge(Source(under, {(): source.values[()]}), source)
     laid.data["weights"] = named
-    recipe = check(laid, registry)
+    recipe = check(laid, registry, PARTS.keys() - {("train", "objective")})  # nothing is trained
     wrong = misfit(recipe, trained.recipe, registry)
     if wrong:
         keys, text = wrong

@@ -3,14 +3,16 @@
 import hashlib
 import inspect
 import json
+import re
 import typing
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from pcsr.registry import Registry
 
-NAME = r"^[a-z0-9][a-z0-9.-]*$"
+NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
+"""Of a run: with its fingerprint it is the name of a folder, and those have up to 255 characters everywhere."""
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 """YAML has lists only; a value that must not change is a tuple."""
 
@@ -35,6 +37,10 @@ class PartSpec(Section):
     def build(self, registry: Registry, kind: str, *host: Any) -> Any:
         """An instance of the part; `host` is what the host hands in, such as `Widths`."""
         return registry.get(kind, self.use)(*host, **self.options)
+
+    def needs(self, registry: Registry, kind: str) -> dict[str, str]:
+        """The packages that the part needs, and its name, as `pcsr.extras.require` takes them."""
+        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
 
 
 class View(Section):
@@ -82,6 +88,9 @@ class Model(Section):
 
 
 Count = Annotated[int, Field(ge=0, le=16)]
+Metric = Literal["cd", "hd", "hd-pugcn", "emd", "p2f"]
+FEW = Field(max_length=16)
+"""A list of names, none of them twice."""
 Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop"]
 
 
@@ -89,16 +98,16 @@ class Train(Section):
     """How the network is trained."""
 
     objective: PartSpec
-    epochs: Annotated[int, Field(ge=1)] = 300
-    batch: Annotated[int, Field(ge=1)] = 32
+    epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 300
+    batch: Annotated[int, Field(ge=1, le=65_536)] = 32
     optimizer: Literal["adam", "adamw"] = "adam"
     rate: Annotated[float, Field(gt=0)] = 1e-3
     """Learning rate of the first epoch."""
     decay: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Factor of the learning rate every `decay_every` epochs."""
-    decay_every: Annotated[int, Field(ge=1)] | None = None
+    decay_every: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """None: a tenth of the epochs."""
-    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE] = ("redraw", "even", "rotate", "scale", "jitter")
+    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE, FEW] = ("redraw", "even", "rotate", "scale", "jitter")
     touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
     """One number, or the least and the most, drawn for each batch; None: as at evaluation."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
@@ -107,26 +116,22 @@ class Train(Section):
 class Evaluate(Section):
     """What is measured, and beside what."""
 
-    metrics: Annotated[tuple[Literal["cd", "hd", "hd-pugcn", "emd", "p2f"], ...], AS_TUPLE, Field(min_length=1)] = (
-        "cd",
-        "hd",
-        "emd",
-    )
-    beside: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE] = ("midpoint",)
+    metrics: Annotated[tuple[Metric, ...], AS_TUPLE, Field(min_length=1), FEW] = ("cd", "hd", "emd")
+    beside: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE, FEW] = ("midpoint",)
     """Baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface, sampled
     once more and independently of the truth: the least error that any upsampler can expect. It needs the meshes."""
-    objects: Annotated[int, Field(ge=1)] | None = None
+    objects: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """The first so many of the test split; None: all."""
     examples: Annotated[int, Field(ge=0, le=16)] = 4
     """Objects that the report shows."""
-    published: dict[str, float] = Field(default_factory=dict)
+    published: Annotated[dict[str, float], Field(max_length=64)] = Field(default_factory=dict)
     """What a publication says of this network: metrics times 10³, `s/cloud`, `s/epoch`; tables show it beside ours."""
 
 
 class Patches(Section):
     """The field's protocol: small patches, each seen alone, merged and thinned by farthest points."""
 
-    points: Annotated[int, Field(ge=16)] = 256
+    points: Annotated[int, Field(ge=16, le=65_536)] = 256
     """Points of a patch."""
     rate: Annotated[int, Field(ge=2, le=64)] = 4
     """Points that the network makes of each. To reach the rate of the data it is applied again to what it made."""
@@ -137,16 +142,22 @@ class Patches(Section):
 class Weights(Section):
     """Weights that are evaluated instead of training."""
 
-    use: Annotated[str, Field(min_length=1)]
+    use: Annotated[str, Field(min_length=1, max_length=4096)]
     """The name of shipped ones, or a file."""
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
     """Of the file. It is filled in where a recipe is read; one that is written is held against the file."""
 
 
+def _named(name: str) -> str:
+    if not re.fullmatch(NAME, name):
+        raise ValueError("it must be up to 200 of a-z, 0-9, . and -, the first a letter or a digit")
+    return name
+
+
 class Recipe(Section):
     """Everything that decides a run."""
 
-    name: Annotated[str, Field(pattern=NAME)]
+    name: Annotated[str, AfterValidator(_named), Field(json_schema_extra={"pattern": NAME})]
     """It names the run's folder."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     data: Data
@@ -156,7 +167,7 @@ class Recipe(Section):
     train: Train
     weights: Weights | None = None
     """Evaluated instead of training; None: the network is trained. What `train` says is then how they were."""
-    joined: Annotated[tuple[str, ...], AS_TUPLE] = ()
+    joined: Annotated[tuple[str, ...], AS_TUPLE, Field(max_length=1_000)] = ()
     """The fingerprints of the folders, where the data is that of several (`--data`)."""
     evaluate: Evaluate = Evaluate()
 

@@ -1,21 +1,32 @@
 """A recipe's file as plain data with the place of each key and value. YAML 1.2: no Python, no environment."""
 
 import copy
-from collections.abc import Iterable
+import os
+import stat
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.constructor import RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.scalarbool import ScalarBoolean
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pcsr.errors import UserError
+from pcsr.mistakes import shown
 
 Keys = tuple[str | int, ...]
 """The way to a value: ("model", "encoder", "channels")."""
+MOST_BYTES = 1 << 18
+"""Size of a recipe file; those of pcsr have up to 3,000 bytes."""
+MOST_VALUES = 10_000
+"""Values of a recipe file, those that its aliases repeat included."""
+DEEPEST = 32
+"""Levels of mappings and lists in each other."""
+MOST_DIGITS = 100
+"""Digits of a whole number; each option has a limit of its own far below."""
+MOST_TOLD = 100
+"""Mistakes that are told one by one."""
 
 
 class Place(NamedTuple):
@@ -44,7 +55,9 @@ class RecipeError(UserError):
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = sorted(set(mistakes))
-        super().__init__("\n".join(map(str, self.mistakes)))
+        more = len(self.mistakes) - MOST_TOLD
+        lines = [*map(str, self.mistakes[:MOST_TOLD]), *([f"and {more} more mistakes"] if more > 0 else [])]
+        super().__init__("\n".join(lines))
 
 
 @dataclass
@@ -76,11 +89,18 @@ def read(path: Path) -> Source:
     """Read a recipe file.
 
     Raises:
-        UserError: there is no such file, or it is not text.
+        UserError: there is no such file, it is too large, or it is not text.
         RecipeError: it is not YAML, or not a mapping.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        # A pipe that nobody writes into would be waited for, and a device has no end.
+        if not stat.S_ISREG(os.stat(path).st_mode) and not path.is_dir():
+            raise UserError(f"recipe {path} is no file but a pipe or a device: write the recipe into a file")
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise UserError(f"recipe {path} is larger than {MOST_BYTES} bytes, which no recipe is: name another file")
+        text = content.decode()
     except OSError as error:
         raise UserError(f"recipe {path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -92,13 +112,13 @@ def parse(text: str, origin: str) -> Source:
     """Read a recipe's text; `origin` names it in messages.
 
     Raises:
-        RecipeError: it is not YAML, or not a mapping.
+        RecipeError: it is not YAML, not a mapping, or too large.
     """
-    tree, twice = _load(text, origin)
-    if not isinstance(tree, CommentedMap):
+    node = _composed(text, origin)
+    if not isinstance(node, MappingNode):
         raise RecipeError([Mistake(Place(origin, 1, 1), "a recipe is a mapping: it starts with `name: …`")])
-    source = Source({}, {(): Place(origin, 1, 1)}, mistakes=twice)
-    source.data = _plain(tree, (), source)
+    source = Source({}, {(): Place(origin, 1, 1)})
+    source.data = _Plain(source, origin).value(node, ())
     return source
 
 
@@ -106,86 +126,155 @@ def scalar(text: str, place: Place) -> Any:
     """A value given on the command line, read as YAML.
 
     Raises:
-        RecipeError: it is not YAML.
+        RecipeError: it is not YAML, or too large.
     """
+    source = Source({}, {(): place})
     try:
-        tree, twice = _load(text, place.origin)
+        node = _composed(text, place.origin)
+        value = None if node is None else _Plain(source, place.origin).value(node, ())
     except RecipeError as error:
         raise RecipeError([Mistake(place, error.mistakes[0].text)]) from error
-    source = Source({}, {(): place}, mistakes=twice)
-    value = _plain(tree, (), source)
     if source.mistakes:
         raise RecipeError([Mistake(place, source.mistakes[0].text)])
     return value
 
 
-class _Constructor(RoundTripConstructor):
-    """Notes each key that is written twice, where ruamel's own ends at the first."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.twice: list[tuple[Any, Any]] = []
-
-    def check_mapping_key(self, node: Any, key_node: Any, mapping: Any, key: Any, value: Any) -> bool:
-        """Whether the key is the first of its name; only then its value is taken."""
-        if key in mapping:
-            self.twice.append((key, key_node.start_mark))
-        return key not in mapping
-
-
-def _load(text: str, origin: str) -> tuple[Any, list[Mistake]]:
-    """Ruamel's tree, and the keys that are written twice."""
-    yaml = YAML(typ="rt")
-    yaml.Constructor = _Constructor
+def _composed(text: str, origin: str) -> Node | None:
+    """The nodes of a YAML document; an alias is the very node that it stands for."""
     try:
-        tree = yaml.load(text)
+        node: Node | None = YAML(typ="safe", pure=True).compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(origin, mark.line + 1, mark.column + 1) if mark else Place(origin)
         what = error.problem or "not YAML"
         raise RecipeError([Mistake(place, f"{what}: mend the YAML there")]) from error
-    except (YAMLError, ValueError) as error:  # a control character, a thirteenth month: no mark
+    except (YAMLError, ValueError) as error:  # a control character: no mark
         raise RecipeError([Mistake(Place(origin), f"not YAML: {str(error).splitlines()[0]}")]) from error
     except RecursionError as error:
-        raise RecipeError([Mistake(Place(origin), "nested too deeply: write it flatter")]) from error
-    return tree, [
-        Mistake(Place(origin, mark.line + 1, mark.column + 1), f"'{key}' is written twice: remove one of the two")
-        for key, mark in yaml.constructor.twice
-    ]
+        raise RecipeError([Mistake(Place(origin), TOO_DEEP)]) from error
+    return node
 
 
-def _plain(node: Any, keys: Keys, source: Source, around: tuple[int, ...] = ()) -> Any:
-    """Ruamel's tree without its types, which only look like Python's; places go into `source`."""
-    if id(node) in around:
-        source.mistakes.append(Mistake(source.place(keys), "an alias inside of what it stands for: write it out"))
-        return None
-    tag = getattr(getattr(node, "tag", None), "value", None)
-    if tag is not None:
-        source.mistakes.append(Mistake(source.place(keys), f"recipes are plain data: remove the tag {tag}"))
-        return None
-    if isinstance(node, CommentedMap):
-        origin = source.place(keys).origin
-        plain: dict[str, Any] = {}
-        for key, value in node.items():
-            here = (*keys, str(key))
-            if key in node.lc.data:  # a key that `<<` merged in has its place elsewhere
-                line, column, value_line, value_column = node.lc.data[key]
-                source.names[here] = Place(origin, line + 1, column + 1)
-                source.values[here] = Place(origin, value_line + 1, value_column + 1)
-            plain[str(key)] = _plain(value, here, source, (*around, id(node)))
-        return plain
-    if isinstance(node, CommentedSeq):
-        origin = source.place(keys).origin
-        for index in range(len(node)):
-            line, column = node.lc.data[index][:2]
-            source.values[(*keys, index)] = Place(origin, line + 1, column + 1)
-        return [_plain(value, (*keys, i), source, (*around, id(node))) for i, value in enumerate(node)]
-    if isinstance(node, bool | ScalarBoolean):  # before int, which both are
-        return bool(node)
-    for kind in (int, float, str):
-        if isinstance(node, kind):
-            return kind(node)
-    if node is not None:
-        text = f"a {type(node).__name__.lower()} is not plain data: put it in quotes if text is meant"
-        source.mistakes.append(Mistake(source.place(keys), text))
-    return None
+TOO_DEEP = f"nested in more than {DEEPEST} levels: write it flatter"
+YAML_TAG = "tag:yaml.org,2002:"
+
+
+class _Plain:
+    """From YAML's nodes to plain data; places and mistakes go into `source`."""
+
+    def __init__(self, source: Source, origin: str) -> None:
+        self.source = source
+        self.origin = origin
+        self.values = 0
+
+    def value(self, node: Node, keys: Keys, around: tuple[Node, ...] = ()) -> Any:
+        """The plain value of a node that stands at `keys`, inside of the nodes `around`.
+
+        Raises:
+            RecipeError: there are too many values, or they are nested too deeply.
+        """
+        self.count()
+        if node in around:
+            return self.wrong(keys, "an alias inside of what it stands for: write it out")
+        if len(around) > DEEPEST:
+            raise RecipeError([Mistake(self.source.place(keys), TOO_DEEP)])
+        kind = _kind(node)
+        if isinstance(node, MappingNode) and kind == "map":
+            plain = {}
+            for key, value, own in self.pairs(node, keys, around):
+                here = (*keys, key)
+                if own is not None:
+                    self.source.names[here] = self.at(own)
+                    self.source.values[here] = self.at(value)
+                plain[key] = self.value(value, here, (*around, node))
+            return plain
+        if isinstance(node, SequenceNode) and kind == "seq":
+            for index, item in enumerate(node.value[:MOST_VALUES]):
+                self.source.values[(*keys, index)] = self.at(item)
+            return [self.value(item, (*keys, i), (*around, node)) for i, item in enumerate(node.value)]
+        if isinstance(node, ScalarNode):
+            return self.scalar(node, kind, keys)
+        return self.wrong(keys, f"recipes are plain data: remove the tag {_written(node)}")
+
+    def count(self) -> None:
+        """Count one more value.
+
+        Raises:
+            RecipeError: that is too many; a few lines of aliases of aliases stand for more than any memory holds.
+        """
+        self.values += 1
+        if self.values > MOST_VALUES:
+            text = f"more than {MOST_VALUES} values, those that aliases repeat included: no recipe needs so many"
+            raise RecipeError([Mistake(Place(self.origin), text)])
+
+    def pairs(
+        self, node: MappingNode, keys: Keys, around: tuple[Node, ...]
+    ) -> Iterator[tuple[str, Node, ScalarNode | None]]:
+        """Keys and values of a mapping: its own, each with the node of the key, then those that `<<` merges in."""
+        known = set()
+        merged: list[Node] = []
+        for key_node, value in node.value:
+            if _kind(key_node) == "merge":
+                merged += value.value if isinstance(value, SequenceNode) else [value]
+                continue
+            if not isinstance(key_node, ScalarNode):
+                self.wrong(keys, "a key is a name: write lists and mappings behind the colon")
+                continue
+            key = str(self.scalar(key_node, _kind(key_node), keys))
+            if key in known:
+                text = f"{shown(key)} is written twice: remove one of the two"
+                self.source.mistakes.append(Mistake(self.at(key_node), text))
+                continue
+            known.add(key)
+            yield key, value, key_node
+        for one in merged:
+            if not isinstance(one, MappingNode):
+                self.wrong(keys, "`<<` merges mappings in: write an alias of one behind it")
+            elif one in (node, *around):
+                self.wrong(keys, "`<<` merges in what it stands in itself: write it out")
+            else:
+                self.count()
+                for key, value, _ in self.pairs(one, keys, (*around, node)):
+                    if key not in known:
+                        known.add(key)
+                        yield key, value, None
+
+    def scalar(self, node: ScalarNode, kind: str, keys: Keys) -> Any:
+        """The value of a node that is no list and no mapping."""
+        text = str(node.value)
+        if kind == "str":
+            return text
+        if kind == "null":
+            return None
+        if kind == "timestamp":
+            return self.wrong(keys, "a date is not plain data: put it in quotes if text is meant")
+        try:
+            if kind == "bool":
+                return {"true": True, "false": False}[text.lower()]
+            if kind == "int":
+                if len(text) > MOST_DIGITS:
+                    return self.wrong(keys, f"a whole number has at most {MOST_DIGITS} digits, got {len(text)}")
+                return int(text.replace("_", ""), 0 if text.lstrip("+-")[:2] in ("0x", "0o", "0b") else 10)
+            if kind == "float":
+                return float(text.replace("_", "").lower().replace(".inf", "inf").replace(".nan", "nan"))
+        except (KeyError, ValueError):
+            return self.wrong(keys, f"{shown(text)} is no {kind}: remove the tag, or write one")
+        return self.wrong(keys, f"recipes are plain data: remove the tag {_written(node)}")
+
+    def at(self, node: Node) -> Place:
+        """Where a node stands."""
+        return Place(self.origin, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def wrong(self, keys: Keys, text: str) -> None:
+        """Note a mistake of the value at `keys`, which is None instead."""
+        self.source.mistakes.append(Mistake(self.source.place(keys), text))
+
+
+def _kind(node: Node) -> str:
+    """What a node is: "map", "seq", "int" and so on, or the tag that is none of YAML's own."""
+    return str(node.tag).removeprefix(YAML_TAG)
+
+
+def _written(node: Node) -> str:
+    """A tag as it is written, its namespace as `!!`."""
+    return shown(str(node.tag).replace(YAML_TAG, "!!", 1)).strip("'")

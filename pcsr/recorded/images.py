@@ -5,6 +5,7 @@ and z out of the object: what presses in has z above 0.
 """
 
 import warnings
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,13 @@ from jaxtyping import Bool, Float
 
 from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
+from pcsr.inputs import read_bytes
+from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.manifest import Intrinsics
 
 SUFFIXES = (".npy", ".png", ".jpg", ".jpeg")
+LARGEST = 1 << 28
+"""Bytes of the largest image file: 256 MiB, more than `MOST_PIXELS` doubles take."""
 THICKEST = 30.0
 """No fingertip's gel gives way farther, in mm."""
 GREY = ("L", "I;16", "I;16B", "I;16L", "I;16N", "I")
@@ -34,21 +39,35 @@ def read_image(path: Path) -> Float[np.ndarray, "h w"]:
     if not isinstance(image, np.ndarray) or image.ndim != 2 or image.size == 0 or image.dtype.kind not in "biuf":
         held = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
         raise UserError(f"{path} holds {held}: an image is an array of real numbers of shape (h, w)")
+    _check_size(image.shape[1], image.shape[0], path)
     return image.astype(np.float64)
 
 
-def _picture(path: Path) -> np.ndarray:
-    from PIL import Image
+def _check_size(width: int, height: int, path: Path) -> None:
+    if width * height > MOST_PIXELS:
+        raise UserError(
+            f"{path} is an image of {width} x {height} pixels, and {MOST_PIXELS} are the most: make it smaller"
+        )
 
+
+def _picture(path: Path) -> np.ndarray:
+    from PIL import Image, UnidentifiedImageError
+
+    data = read_bytes(path, most=LARGEST)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # of an image so large that it may be an attack
-            with Image.open(path) as image:
+            warnings.simplefilter("ignore")  # its size is looked at here, and what else it finds odd does no harm
+            # Of these kinds alone: Pillow knows fifty more by their content, some of which start other programs.
+            with Image.open(BytesIO(data), formats=("PNG", "JPEG")) as image:
+                _check_size(*image.size, path)
                 mode, levels = image.mode, np.array(image)
-    except FileNotFoundError as error:
-        raise UserError(f"{path} cannot be read: no such file") from error
+    except UserError:
+        raise
+    except Image.DecompressionBombError as error:
+        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels, the most: make it smaller") from error
     except Exception as error:  # Pillow raises whatever a malformed file makes it trip over
-        raise UserError(f"{path} cannot be read as an image: {error}") from error
+        reason = "it is damaged, or no PNG or JPEG" if isinstance(error, UnidentifiedImageError) else error
+        raise UserError(f"{path} cannot be read as an image: {reason}") from error
     if mode not in GREY:
         raise UserError(f"{path} is an image of mode {mode}: heights, depths and masks are grey, of 8 or 16 bits")
     return levels

@@ -6,8 +6,11 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import explained
 
 Model = TypeVar("Model", bound=BaseModel)
+MISTAKES = 20
+"""So many mistakes of one entry are said; of more, how many."""
 UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
 """Lengths of the named units, in mm."""
 
@@ -208,21 +211,20 @@ def checked(model: type[Model], value: Any, place: str) -> Model:
     try:
         return model.model_validate(value)
     except ValidationError as error:
-        lines = [f"touches.json: {_mistake(one, model, place)}" for one in error.errors()]
+        mistakes = error.errors(include_url=False, include_context=False)
+        lines = [f"touches.json: {_mistake(one, model, place)}" for one in mistakes[:MISTAKES]]
+        lines += [f"touches.json: and {len(mistakes) - MISTAKES} mistakes more"] if len(mistakes) > MISTAKES else []
         raise UserError("\n".join(dict.fromkeys(lines))) from error
 
 
 def _mistake(one: Any, model: type[BaseModel], place: str) -> str:
     keys = [key for key in one["loc"] if not str(key).startswith("<")]
-    path = ".".join(map(str, [*([place] if place else []), *keys])) or "the file"
+    path = ".".join(str(key)[:80] for key in [*([place] if place else []), *keys]) or "the file"
     if one["type"] == "extra_forbidden":
-        return f"{path}: no such key here: {did_you_mean(str(keys[-1]), _fields(model, one['loc']))}"
+        return f"{path}: no such key here: {did_you_mean(str(keys[-1])[:80], _fields(model, one['loc']))}"
     if one["type"] == "missing":
         return f"{path} is missing: add it"
-    said = one["msg"].removeprefix("Value error, ")
-    said = said[0].lower() + said[1:]
-    got = "" if isinstance(one["input"], dict) else f", got {one['input']!r}"
-    return f"{path}: {said}{got}"
+    return f"{path}: {explained([one])}"
 
 
 def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
@@ -250,7 +252,9 @@ def inside(folder: Path, name: str) -> Path:
         leaves = True
     windows = PureWindowsPath(name)  # a recording must not mean other files on another system
     if leaves or windows.anchor or ".." in windows.parts:
-        raise UserError(f"file '{name}' is not inside of the recording's folder: put it there, and name it from there")
+        raise UserError(
+            f"file '{name[:99]}' is not inside of the recording's folder: put it there, and name it from there"
+        )
     return path
 
 

@@ -1,6 +1,7 @@
 """Reading a recording: its manifest, its files, each touch in the object's frame; what is wrong with the others."""
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +14,8 @@ from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
+from pcsr.inputs import read_bytes
+from pcsr.limits import LARGEST_JSON, MOST_FINGERS, MOST_TOUCHED_POINTS, MOST_TOUCHES
 from pcsr.recorded import layouts
 from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
 from pcsr.recorded.manifest import (
@@ -30,6 +33,8 @@ from pcsr.recorded.manifest import (
 from pcsr.recorded.pose import sensor_to_object, transformed, turn
 
 MANIFEST = "touches.json"
+REASONS = 20
+"""Of so many touches that could not be used it is said why, where none could."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,14 @@ def read(folder: Path | str) -> Recording:
         found = _laid_out(folder, plain) if "layout" in plain else _listed(folder, checked(Recorded, plain, ""))
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
-    for name, touch in found:
+    points = 0
+    for number, (name, touch) in enumerate(found):
+        points += len(touch.points) if isinstance(touch, Touch) else 0
+        if number >= MOST_TOUCHES or points > MOST_TOUCHED_POINTS:
+            raise UserError(
+                f"{folder} holds more than {MOST_TOUCHES} touches or {MOST_TOUCHED_POINTS} touched points, the most of "
+                f"one recording: leave some out"
+            )
         if isinstance(touch, Touch) and not (np.isfinite(touch.points).all() and np.isfinite(touch.poses).all()):
             recording.skipped[name] = (
                 "its points or pose are not finite numbers: a figure in it is far too large or small"
@@ -69,26 +81,39 @@ def read(folder: Path | str) -> Recording:
         else:
             recording.skipped[name] = touch
     if not recording.touches:
-        reasons = "".join(f"\n  {name}: {reason}" for name, reason in recording.skipped.items())
+        skipped = list(recording.skipped.items())
+        reasons = "".join(f"\n  {name}: {reason}" for name, reason in skipped[:REASONS])
+        reasons += f"\n  and {len(skipped) - REASONS} more" if len(skipped) > REASONS else ""
         raise UserError(f"{folder}: not one touch could be used{reasons or ': there is none in it'}")
     return recording
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object, in which each key stands once."""
-    twice = [key for index, (key, _) in enumerate(pairs) if key in dict(pairs[:index])]
-    if twice:
-        raise ValueError(f"'{twice[0]}' is written twice in one object: remove one of the two")
-    return dict(pairs)
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        key = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise ValueError(f"'{key[:80]}' is written twice in one object: remove one of the two")
+    return found
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > 400:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
 
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        plain = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror or error}: a recording has one") from error
-    except (ValueError, RecursionError) as error:
+        data = read_bytes(path, most=LARGEST_JSON)
+    except UserError as error:
+        raise UserError(f"{error}: a recording has one") from error
+    try:
+        plain = json.loads(data.decode("utf-8-sig"), object_pairs_hook=_once, parse_int=_whole)
+    except ValueError as error:
         raise UserError(f"{path} is no JSON: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{path} is no JSON of touches: it is nested too deeply") from error
     if not isinstance(plain, dict):
         raise UserError(f"{path} holds a {type(plain).__name__}: it must be an object, {{…}}")
     return plain
@@ -102,6 +127,8 @@ def _laid_out(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch 
 
 def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str]]:
     """The touches of the manifest, or what is wrong with them."""
+    if len(recorded.touches) > MOST_TOUCHES:
+        raise UserError(f"{MANIFEST}: touches: it has {len(recorded.touches)}, and {MOST_TOUCHES} are the most")
     taken: set[str] = set()
     for index, value in enumerate(recorded.touches):
         place = f"touches.{index}"
@@ -136,6 +163,8 @@ def _touch(folder: Path, recorded: Recorded, entry: Entry | GraspEntry, place: s
         except UserError as error:
             raise UserError(f"{MANIFEST}: {place}: {error}") from error
     fingers = []
+    if len(entry.fingers) > MOST_FINGERS:
+        raise UserError(f"{MANIFEST}: {place}.fingers: it has {len(entry.fingers)}, and {MOST_FINGERS} are the most")
     for number, value in enumerate(entry.fingers):
         inner = f"{place}.fingers.{number}"
         finger = check_entry(value, inner, in_grasp=True)
@@ -176,7 +205,8 @@ def _in_object(
     points: Float[np.ndarray, "n 3"], unit: float, recorded: Recorded, pose: Float[np.ndarray, "4 4"] | None
 ) -> Float[np.ndarray, "n 3"]:
     if recorded.frame == "object":
-        return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused where all touches are
+            return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
     if pose is None:
         raise UserError("pose is missing: the cloud is in the sensor's frame; add it")
     return transformed(pose, points * unit)

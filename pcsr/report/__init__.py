@@ -9,7 +9,7 @@ from PIL.Image import Image
 from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.report.comparison import compare, folder_of, page
-from pcsr.report.page import render
+from pcsr.report.page import plotly_source, render
 from pcsr.report.results import parse_results, read_examples, read_history, read_results
 from pcsr.report.table import table
 
@@ -28,14 +28,12 @@ def write(run: Path) -> Path:
         The path of the page.
 
     Raises:
-        UserError: a file of the folder is missing or malformed.
+        UserError: a file of the folder is missing or malformed, or the extra `[report]` is not installed.
         RunError: the page can't be written.
     """
-    from plotly.offline import get_plotlyjs  # half a second that `pcsr --help` shouldn't wait for
-
     results = read_results(run / "results.json")
     examples = read_examples(run / "examples.safetensors", [method.name for method in results.methods])
-    page = render(results, examples, read_history(run / "metrics.jsonl"), plotly=get_plotlyjs())
+    page = render(results, examples, read_history(run / "metrics.jsonl"), plotly=plotly_source())
     write_text(run / REPORT, page)
     return run / REPORT
 

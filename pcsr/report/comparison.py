@@ -170,7 +170,7 @@ def _reports(runs: Sequence[Results]) -> str:
     links = "".join(
         f'<li><a href="{html.escape(folder_of(run))}/report.html">{html.escape(run.name)}</a>, '
         f"pcsr {html.escape(run.version)}, {html.escape(run.created)}, "
-        f"{html.escape(', '.join(f'{key} {value}' for key, value in run.hardware.items()))}</li>"
+        f"{html.escape(run.machine)}</li>"
         for run in runs
     )
     return f"<section><h2>Reports</h2><ul>{links}</ul></section>"

@@ -10,7 +10,7 @@ from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_card
 from pcsr.errors import UserError, did_you_mean
 from pcsr.files import write_text
-from pcsr.report.page import example_tabs, shell
+from pcsr.report.page import example_tabs, plotly_source, shell
 from pcsr.report.views import cube, plain, view
 
 SHOWN = 4
@@ -30,11 +30,10 @@ def write_data_page(path: Path, folder: Path, manifest: Manifest, name: str | No
         The names of the objects shown.
 
     Raises:
-        UserError: there is no such object, or no object at all.
+        UserError: there is no such object, no object at all, or the extra `[report]` is not installed.
         RunError: the page can't be written.
     """
-    from plotly.offline import get_plotlyjs
-
+    plotly = plotly_source()
     split = _chosen(folder, manifest, name)
     rows = [_row(split, k) for k in range(len(split))]
     body = (
@@ -43,7 +42,7 @@ def write_data_page(path: Path, folder: Path, manifest: Manifest, name: str | No
         f'<section id="examples"><h2>Objects</h2><nav>{example_tabs(split.names)}</nav>'
         '<div class="row"></div></section>'
     )
-    page = shell(f"{folder.name}: data", body, {"examples": rows, "charts": {}}, plotly=get_plotlyjs())
+    page = shell(f"{folder.name}: data", body, {"examples": rows, "charts": {}}, plotly=plotly)
     write_text(path, page)
     return list(split.names)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from pcsr.extras import imported
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.curves import group_chart, touch_chart, training_charts
 from pcsr.report.results import Example, Results, TouchResult
@@ -48,6 +49,16 @@ def render(
     )
     drawn = {"examples": [views(example) for example in examples], "charts": charts}
     return shell(f"{results.name}: results", body, drawn, plotly=plotly)
+
+
+def plotly_source() -> str:
+    """The source of plotly.js.
+
+    Raises:
+        UserError: the extra `[report]` is not installed.
+    """
+    source: str = imported("plotly.offline", "the report").get_plotlyjs()
+    return source
 
 
 def shell(title: str, body: str, drawn: dict[str, Any] | None = None, *, plotly: str = "") -> str:
@@ -112,9 +123,7 @@ def _metrics(results: Results) -> str:
     terms = {name: note.description for name, note in results.metrics.items()}
     if results.touch is not None:
         terms[EFFICIENCY] = f"{DEFINITION}; higher is better"
-    terms["seconds"] = "mean wall time for one cloud"
-    if results.hardware:
-        terms["seconds"] += f" ({', '.join(f'{key} {value}' for key, value in results.hardware.items())})"
+    terms["seconds"] = results.timed
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())

@@ -14,6 +14,7 @@ from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
 from pcsr.metrics.touch_effect import efficiency
+from pcsr.mistakes import explained
 
 Cloud = Float[np.ndarray, "_ 3"]
 BOUND = "floor"
@@ -107,6 +108,8 @@ class Results(BaseModel):
     touch: TouchResult | None = None
     """None where there are no touches, and in results of old."""
     training: Training = Training()
+    timing: str = "mean"
+    """Which average of a method's times its `seconds` are; the mean in results of 0.1."""
     hardware: dict[str, Any] = {}
     created: str
 
@@ -114,6 +117,16 @@ class Results(BaseModel):
     def baseline(self) -> str | None:
         """The method that the others are held against; None if there is only one."""
         return self.methods[1].name if len(self.methods) > 1 else None
+
+    @property
+    def timed(self) -> str:
+        """What a method's `seconds` are, and of which machine."""
+        return f"{self.timing} wall time for one cloud{f' ({self.machine})' if self.machine else ''}"
+
+    @property
+    def machine(self) -> str:
+        """Where and how busy, in words."""
+        return ", ".join(f"{key} {value}" for key, value in self.hardware.items() if value is not None)
 
     @model_validator(mode="after")
     def _one_number_each(self) -> "Results":
@@ -153,7 +166,8 @@ def parse_results(data: dict[str, Any], source: str = "the results") -> Results:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise UserError(f"{source}: {f'{place}: ' if place else ''}{first['msg']}; do `pcsr run` again") from error
+        where = f"{place}: " if place else ""
+        raise UserError(f"{source}: {where}{explained([first])}; do `pcsr run` again") from error
 
 
 def read_results(path: Path) -> Results:

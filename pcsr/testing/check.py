@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 from unittest import SkipTest
 
+from pcsr.threads import threads
+
 
 class CheckFailed(AssertionError):  # noqa: N818 it is an outcome, as Skipped is
     """A part does not keep its contract. The message names the part, what was found, what is expected, the remedy."""
@@ -39,7 +41,8 @@ class Check:
             CheckFailed: the part fails it.
             Skipped: it does not apply to this part.
         """
-        self.run()
+        with threads(1):  # its networks are small
+            self.run()
 
     def __str__(self) -> str:
         """Its name, which pytest makes a test's id of."""
@@ -48,7 +51,7 @@ class Check:
     def outcome(self) -> Outcome:
         """Run it, and tell what came of it instead of raising."""
         try:
-            self.run()
+            self()
         except CheckFailed as error:
             return Outcome(self.name, "failed", str(error))
         except Skipped as reason:

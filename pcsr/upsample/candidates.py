@@ -15,9 +15,13 @@ from pcsr.errors import RunError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
-from pcsr.recipe import Recipe
+from pcsr.recipe import PartSpec, Recipe
 
 Cloud = Float[np.ndarray, "_ 3"]
+TOUCH_POINTS = 512
+"""Points that a touch is given where the weights don't say how many it had in training."""
+MOST_TOUCH_POINTS = 1 << 16
+"""A number of points above this is none that a network was trained with."""
 
 
 class Candidates:
@@ -59,8 +63,9 @@ class Networked(Candidates):
     @classmethod
     def of(cls, network: Network, recipe: Recipe) -> "Networked":
         """The network of a recipe, as it was trained."""
-        points = recipe.data.touch.options.get("points", 512)
-        return cls(network, recipe.network_points, recipe.network_rate, recipe.most_touches, int(points))
+        return cls(
+            network, recipe.network_points, recipe.network_rate, recipe.most_touches, _touch_points(recipe.data.touch)
+        )
 
     @torch.inference_mode()
     def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
@@ -92,6 +97,12 @@ class Networked(Candidates):
             drawn = [rng.permutation(rows) for _ in range(math.ceil(self.touch_points / len(rows)))]
             felt.append(touch[np.concatenate(drawn)[: self.touch_points]])
         return felt
+
+
+def _touch_points(source: PartSpec) -> int:
+    """Points of a touch in training, where its source says so; it may be anybody's, and its options mean anything."""
+    points = source.options.get("points")
+    return points if type(points) is int and 1 <= points <= MOST_TOUCH_POINTS else TOUCH_POINTS
 
 
 @dataclass(frozen=True)

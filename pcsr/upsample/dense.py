@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.errors import UserError
 from pcsr.geometry.patches import OwnFrame, patches
+from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates, Cloud
 from pcsr.upsample.gaps import between, near, spread_out
 from pcsr.upsample.unseen import unseen
@@ -35,6 +36,7 @@ class Task:
     count: int
 
 
+@threads(1)
 def densify(
     points: Float[np.ndarray, "n 3"],
     count: int,
@@ -154,6 +156,7 @@ def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
     return [touch for touch in inside if len(touch)]
 
 
+@threads(1)  # a Dask worker has its own; where `densify` has set it already this costs nothing
 def _fill(source: Candidates, keep: bool, task: Task) -> Cloud:
     """The new points of one patch's core, found in the patch's own frame."""
     if task.count == 0:

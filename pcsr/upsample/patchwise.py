@@ -12,10 +12,10 @@ import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from pcsr.data.batches import in_patch
 from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
+from pcsr.geometry.patches import in_patch
 from pcsr.model import Network
 from pcsr.recipe import Patches
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from pcsr.model import Network
 from pcsr.recipe import Recipe
-from pcsr.upsample.patchwise import upsample_patches
+from pcsr.upsample.patchwise import AT_ONCE, upsample_patches
 from pcsr.upsample.whole import upsample
 
 
@@ -24,3 +24,8 @@ def upsample_as(
     if recipe.patches is None:
         return upsample(network, points, recipe.data.rate, touches)
     return upsample_patches(network, points, recipe.data.rate, touches, recipe.patches)
+
+
+def points_at_once(recipe: Recipe) -> int:
+    """The most points that the network sees together in `upsample_as`."""
+    return recipe.data.points if recipe.patches is None else AT_ONCE * recipe.patches.points

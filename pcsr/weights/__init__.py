@@ -1,8 +1,10 @@
 """The weights that come with pcsr, a file for each recipe; each file's header holds its recipe."""
 
+import os
 from pathlib import Path
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import shown, shown_path
 
 DEFAULT = "frames"
 """What is used where no model is named."""
@@ -31,8 +33,11 @@ def found(use: str, folder: Path = Path()) -> Path:
     """
     if use in names():
         return shipped(use)
-    path = folder / Path(use).expanduser()
-    if not path.exists():
+    # These two take a user that isn't there, and a name that no file can have, for a file that isn't there.
+    path = folder / Path(os.path.expanduser(use))
+    if not os.path.exists(path):
         hint = did_you_mean(use, names())
-        raise UserError(f"there are no weights '{use}', neither shipped ones nor a file {path}: {hint}")
+        raise UserError(
+            f"there are no weights {shown(use)}, neither shipped ones nor a file {shown_path(path)}: {hint}"
+        )
     return path

@@ -79,12 +79,12 @@ def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, t
             "'cad-part' is neither a folder nor a recipe nor shapes that pcsr knows: did you mean 'cad-parts'?",
         ),
         ("balls", "cuont=1", "--set cuont=1: shapes 'balls' takes no 'cuont': did you mean 'count'?"),
-        ("balls", "points=4", "--set points=4: data.points: input should be greater than or equal to 16, got 4"),
+        ("balls", "points=4", "--set points=4: data.points: it must be 16 or more, got 4"),
         ("balls", "touch=tuoch", "there is no touch 'tuoch'"),
         (
             "balls",
             "sampling=look",
-            "data.sampling: input should be 'random', 'poisson', 'fps', 'view' or 'mixed', got 'look'",
+            "data.sampling: it must be 'random', 'poisson', 'fps', 'view' or 'mixed', got 'look'",
         ),
     ],
 )

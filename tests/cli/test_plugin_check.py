@@ -119,7 +119,7 @@ def test_options_are_read_as_a_recipe_reads_them(invoke):
             "--set chanels=3: encoder 'noisy' takes no 'chanels': did you mean 'channels'?",
         ),
         (["noisy", "--set", "channels"], "--set channels: write KEY=VALUE"),
-        (["noisy", "--set", "channels=wide"], "--set, for encoder 'noisy': channels: Input should be a valid integer"),
+        (["noisy", "--set", "channels=wide"], "--set, for encoder 'noisy': channels: it must be a whole number"),
         (["picky", "--mesh", "none.stl"], "--mesh none.stl: there is no such file"),
         (["picky", "--mesh", "."], "--mesh .: that is a folder"),
         (["choosy", "--upsampler", "copi"], "there is no upsampler 'copi': did you mean 'copy'?"),

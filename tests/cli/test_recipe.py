@@ -49,7 +49,7 @@ def test_check_goes_through_all_files_and_prints_all_mistakes(tmp_path):
     assert result.exit_code == 2
     assert result.stdout == f"{good}: good\n"
     assert result.stderr.splitlines() == [
-        f"{bad}:2:7: seed: input should be a valid integer, got 'x'",
+        f"{bad}:2:7: seed: it must be a whole number, got 'x'",
         f"{bad}:3:9: train takes no 'epoch': did you mean 'epochs'?",
         f"recipe {gone} cannot be read: No such file or directory",
     ]

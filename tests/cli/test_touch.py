@@ -82,7 +82,7 @@ def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--sensor", "digti"], "sensor: input should be 'digit', 'digit-tacto'"),
+        (["--sensor", "digti"], "sensor: it must be 'digit', 'digit-tacto'"),
         (["--set", "pres=[0.4,0.6]"], "touch 'digit' takes no 'pres': did you mean 'press'?"),
         (["--object-size", "null"], "part.stl is 0.084 mm long, smaller than the gel"),
         (["--source", "recordde"], "there is no touch 'recordde': did you mean 'recorded'?"),

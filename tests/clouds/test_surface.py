@@ -46,7 +46,7 @@ def test_without_normals_they_are_estimated(library, tmp_path):
 
 def test_without_open3d_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(UserError, match=r"needs Open3D .*pip install 'pcsr\[open3d\]'"):
+    with pytest.raises(UserError, match=r"needs open3d, which is not installed: pip install 'pcsr\[open3d\]'"):
         write_surface(tmp_path / "mesh.ply", half_ball(20))
     assert list(tmp_path.iterdir()) == []
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr.geometry.patches import cells, patches, principal_axes
+from pcsr.geometry.patches import cells, in_patch, patches, principal_axes
 
 
 def cloud(count, seed=0):
@@ -74,3 +75,8 @@ def test_equal_points_are_cut_all_the_same():
     found = list(cells(np.ones((100, 3)), 7))
     assert sorted(np.concatenate(found)) == list(range(100))
     assert max(map(len, found)) <= 7
+
+
+def test_a_touch_belongs_to_a_patch_if_its_middle_lies_in_its_sphere():
+    touches = torch.tensor([[[0.0, 0, 0], [1.8, 0, 0]], [[0.9, 0, 0], [1.3, 0, 0]], [[0.0, 0, 5], [0.0, 0, -5]]])
+    assert in_patch(touches).tolist() == [True, False, True]

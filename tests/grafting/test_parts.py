@@ -43,8 +43,8 @@ class JoinsToo(Bias):
     [
         ({"fusion": "iterativ"}, r"there is no fusion 'iterativ': did you mean 'iterative'\?"),
         ({"fusion": {"use": "iterative", "pol": "none"}}, r"fusion 'iterative' takes no 'pol': did you mean 'pool'\?"),
-        ({"fusion": {"use": "iterative", "pool": "max"}}, r"fusion 'iterative'\.pool: input should be .*got 'max'"),
-        ({"fusion": {"use": "concat", "touches": "two"}}, r"fusion 'concat'\.touches: .*integer, got 'two'"),
+        ({"fusion": {"use": "iterative", "pool": "max"}}, r"fusion 'iterative'\.pool: it must be .*got 'max'"),
+        ({"fusion": {"use": "concat", "touches": "two"}}, r"fusion 'concat'\.touches: it must be a whole number"),
         ({"fusion": {"pool": "none"}}, r"fusion \{'pool': 'none'\}: give a name"),
         ({"touch_encoder": {"use": "unet", "channels": {1}}}, "encoder 'unet': options are what JSON can write"),
         ({"touch_encoder": {"use": "unet", "channels": -8}}, r"encoder 'unet' cannot be built with .*-8"),

@@ -31,18 +31,18 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
           metrics: [cd, chamfer]
     """)
     assert lines(path, registry) == [
-        "recipe.yaml:1:7: name: string should match pattern '^[a-z0-9][a-z0-9.-]*$', got 'Bad Name'",
+        "recipe.yaml:1:7: name: it must be up to 200 of a-z, 0-9, . and -, the first a letter or a digit, got 'Bad Name'",  # noqa: E501
         "recipe.yaml:2:1: a recipe takes no 'sed': did you mean 'seed'?",
-        "recipe.yaml:4:12: data.touches: input should be a valid integer, got 'many'",
-        "recipe.yaml:5:31: touch 'digit'.points: input should be a valid integer, got 6.5",
+        "recipe.yaml:4:12: data.touches: it must be a whole number, got 'many'",
+        "recipe.yaml:5:31: touch 'digit'.points: it must be a whole number, got 6.5",
         "recipe.yaml:7:3: model.upsampler is missing: add it",
-        "recipe.yaml:7:33: encoder 'net'.channels: input should be greater than 0, got 0",
+        "recipe.yaml:7:33: encoder 'net'.channels: it must be more than 0, got 0",
         "recipe.yaml:7:36: encoder 'net' takes no 'ordr': did you mean 'order'?",
         "recipe.yaml:8:11: there is no fusion 'atention': did you mean 'attention'?",
-        "recipe.yaml:11:12: backbone 'refine'.steps: input should be a valid integer, got [1]",
-        "recipe.yaml:12:17: train.epochs: input should be greater than or equal to 1, got -3",
-        "recipe.yaml:12:39: train.augment.1: input should be 'rotate', 'scale', 'jitter', 'redraw', 'even' or 'crop', got 'shear'",  # noqa: E501
-        "recipe.yaml:14:17: evaluate.metrics.1: input should be 'cd', 'hd', 'hd-pugcn', 'emd' or 'p2f', got 'chamfer'",
+        "recipe.yaml:11:12: backbone 'refine'.steps: it must be a whole number, got [1]",
+        "recipe.yaml:12:17: train.epochs: it must be 1 or more, got -3",
+        "recipe.yaml:12:39: train.augment.1: it must be 'rotate', 'scale', 'jitter', 'redraw', 'even' or 'crop', got 'shear'",  # noqa: E501
+        "recipe.yaml:14:17: evaluate.metrics.1: it must be 'cd', 'hd', 'hd-pugcn', 'emd' or 'p2f', got 'chamfer'",
     ]
 
 
@@ -56,12 +56,12 @@ def test_mistakes_in_parent_child_matrix_and_options_are_reported_together(write
           model.fusoin: [blend, attention]
     """)
     assert lines(path, registry, ["train.epochs=0", "model.encoder.channels='8'", "nonsense"]) == [
-        "--set model.encoder.channels='8': encoder 'net'.channels: input should be a valid integer, got '8'",
+        "--set model.encoder.channels='8': encoder 'net'.channels: it must be a whole number, got '8'",
         "--set nonsense: write --set dotted.key=value, for example --set train.epochs=5",
-        "--set train.epochs=0: train.epochs: input should be greater than or equal to 1, got 0",
-        "parent.yaml:2:7: seed: input should be greater than or equal to 0, got -1",
-        "recipe.yaml:2:16: train.batch: input should be a valid integer, got 'none'",
-        "recipe.yaml:4:21: data.points: input should be greater than or equal to 16, got 8",
+        "--set train.epochs=0: train.epochs: it must be 1 or more, got 0",
+        "parent.yaml:2:7: seed: it must be 0 or more, got -1",
+        "recipe.yaml:2:16: train.batch: it must be a whole number, got 'none'",
+        "recipe.yaml:4:21: data.points: it must be 16 or more, got 8",
         "recipe.yaml:5:3: model takes no 'fusoin': did you mean 'fusion'?",
     ]
 
@@ -105,9 +105,9 @@ def test_a_part_that_cannot_be_loaded_is_a_mistake_at_its_use(write, registry):
         ("[5, 2]", "18: train.touches: the least, 5, is more than the most, 2: swap them"),
         (
             "[0, 1, 2]",
-            "18: train.touches: input should be a valid integer or tuple should have at most 2 items",
+            "18: train.touches: it must be a whole number or a list of at most 2 items",
         ),
-        ("[0, 17]", "22: train.touches.1: input should be less than or equal to 16, got 17"),
+        ("[0, 17]", "22: train.touches.1: it must be at most 16, got 17"),
     ],
 )
 def test_touches_in_training(write, registry, touches, said):
@@ -128,7 +128,7 @@ def test_a_touch_encoder_that_nobody_hears(write, registry):
 @pytest.mark.parametrize("value", [".inf", ".nan", "'1e-3'", "true"])
 def test_a_rate_is_a_finite_number(write, registry, value):
     (line,) = lines(write(f"name: a\ntrain: {{rate: {value}}}", model=True), registry)
-    assert line.startswith("recipe.yaml:2:15: train.rate: input should be a ")
+    assert line.startswith("recipe.yaml:2:15: train.rate: it must be a ")
 
 
 def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry):
@@ -150,7 +150,7 @@ def test_a_name_that_stands_in_a_list_twice(write, registry):
 def test_a_seed_that_generators_do_not_take(write, registry):
     assert load(write(f"name: a\nseed: {2**32 - 1}", model=True), registry)[0].seed == 2**32 - 1
     assert lines(write(f"name: a\nseed: {2**32}", model=True), registry) == [
-        "recipe.yaml:2:7: seed: input should be less than 4294967296, got 4294967296"
+        "recipe.yaml:2:7: seed: it must be less than 4294967296, got 4294967296"
     ]
 
 
@@ -158,7 +158,7 @@ def test_a_key_written_twice_is_reported_with_all_other_mistakes(write, registry
     path = write("name: a\nname: b\ndata: {touches: 99}\nsed: 1", model=True)
     assert lines(path, registry) == [
         "recipe.yaml:2:1: 'name' is written twice: remove one of the two",
-        "recipe.yaml:3:17: data.touches: input should be less than or equal to 16, got 99",
+        "recipe.yaml:3:17: data.touches: it must be at most 16, got 99",
         "recipe.yaml:4:1: a recipe takes no 'sed': did you mean 'seed'?",
     ]
 
@@ -167,7 +167,7 @@ def test_what_could_not_be_read_is_one_mistake_beside_the_others(write, registry
     path = write("name: a\nseed: !env SEED\ndata: {touches: 99}", model=True)
     assert lines(path, registry) == [
         "recipe.yaml:2:7: recipes are plain data: remove the tag !env",
-        "recipe.yaml:3:17: data.touches: input should be less than or equal to 16, got 99",
+        "recipe.yaml:3:17: data.touches: it must be at most 16, got 99",
     ]
 
 

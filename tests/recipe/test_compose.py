@@ -152,7 +152,7 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
 def test_extends_that_leads_nowhere(write, text, said):
     write("extends: recipe.yaml", "other.yaml")
     with pytest.raises(RecipeError, match=said):
-        compose(write(text))
+        list(compose(write(text)))
 
 
 @given(st.lists(st.sampled_from("abcd"), min_size=1, max_size=3), LEAVES, TREES)
@@ -205,7 +205,7 @@ def test_matrix_is_a_product_with_tidy_names(write):
           model.fusion: [none, {use: Cross_Attention, heads: 2}]
           train.touches: [0, [0, 5]]
     """)
-    runs = compose(path)
+    runs = list(compose(path))
     assert [run.data["name"] for run in runs] == [
         "grid-fusion.none-touches.0",
         "grid-fusion.none-touches.0.5",
@@ -275,7 +275,7 @@ def test_a_recipe_without_a_model_gets_the_default_one_before_it_is_changed(writ
 
 def test_set_wins_over_the_matrix(write):
     path = write("name: a\nmatrix: {seed: [1, 2], data.points: [64, 128]}")
-    runs = compose(path, ["data.points=32"])
+    runs = list(compose(path, ["data.points=32"]))
     assert [run.data for run in runs] == [
         {"name": f"a-seed.{seed}", "seed": seed, "data": {"points": 32}} for seed in (1, 2)
     ]
@@ -327,7 +327,7 @@ def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
 def test_a_study_may_have_a_matrix_too(write):
     write("name: one", "one.yaml")
     write("name: two\nmatrix: {seed: [1]}", "two.yaml")
-    runs = compose(write("name: study\nrecipes: [one.yaml, two.yaml]\nmatrix: {data.touches: [0, 4]}"))
+    runs = list(compose(write("name: study\nrecipes: [one.yaml, two.yaml]\nmatrix: {data.touches: [0, 4]}")))
     assert [run.data["name"] for run in runs] == [
         "study-one-touches.0",
         "study-one-touches.4",
@@ -348,12 +348,12 @@ def test_a_study_may_have_a_matrix_too(write):
 )
 def test_a_study_of_what_is_no_recipe(write, recipes, said):
     with pytest.raises(RecipeError, match=said):
-        compose(write(f"name: study\nrecipes: {recipes}"))
+        list(compose(write(f"name: study\nrecipes: {recipes}")))
 
 
 def test_axes_from_outside_vary_as_a_matrix_does(write):
     path = write("name: a\nmodel: {encoder: net}\nmatrix: {seed: [5], data.touches: [0]}")
-    runs = compose(path, (), {"model.fusion": ["x", "y"], "seed": [0, 1]})
+    runs = list(compose(path, (), {"model.fusion": ["x", "y"], "seed": [0, 1]}))
     assert [run.data["name"] for run in runs] == [
         f"a-seed.{seed}-touches.0-fusion.{fusion}" for seed in (0, 1) for fusion in ("x", "y")
     ]
@@ -365,7 +365,7 @@ def test_a_study_names_no_study(write):
     write("name: one", "one.yaml")
     write("name: inner\nrecipes: [one.yaml]", "inner.yaml")
     with pytest.raises(RecipeError, match=r"recipe\.yaml:2:11: .*inner\.yaml is a study itself"):
-        compose(write("name: study\nrecipes: [inner.yaml]"))
+        list(compose(write("name: study\nrecipes: [inner.yaml]")))
 
 
 def test_the_recipes_of_an_extended_study_are_where_it_is(write):
@@ -379,4 +379,5 @@ def test_the_recipes_of_an_extended_study_are_where_it_is(write):
 def test_a_seed_that_is_varied_from_outside_leaves_the_data_alone(write, text, seed):
     path = write(text)
     assert [run.data["data"]["seed"] for run in compose(path, (), {"seed": [0, 1]})] == [seed, seed]
-    assert compose(path, ["data.seed=9"], {"seed": [1]})[0].data["data"]["seed"] == 9
+    (run,) = compose(path, ["data.seed=9"], {"seed": [1]})
+    assert run.data["data"]["seed"] == 9

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pcsr import UserError
+from pcsr.recorded import images
 from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
 from pcsr.recorded.manifest import Intrinsics
 
@@ -72,8 +73,11 @@ def test_damaged_and_missing_files_are_named(tmp_path):
 
 def test_a_picture_that_is_a_bomb_is_refused(tmp_path, monkeypatch):
     Image.fromarray(LEVELS).save(tmp_path / "a.png")
-    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
-    with pytest.raises(UserError, match=r"a\.png cannot be read as an image: .*exceeds limit"):
+    monkeypatch.setattr(images, "MOST_PIXELS", 10)
+    with pytest.raises(UserError, match=r"a\.png is an image of \d+ x \d+ pixels, and 10 are the most"):
+        read_image(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1)
+    with pytest.raises(UserError, match=r"a\.png is an image of more than 10 pixels"):
         read_image(tmp_path / "a.png")
 
 

@@ -188,7 +188,7 @@ def test_fingers_are_one_touch(folder):
         ([{"cloud": "0.npy", "pose": STILL}, {"cloud": "0.npy"}], "fingers.1: pose is missing"),
         ([{"cloud": None, "pose": STILL}], "none of its fingers felt anything"),
         ([{"fingers": [{"cloud": "0.npy"}]}], "fingers.0: it says none: it needs one of cloud, height, depth"),
-        ([], "fingers: list should have at least 1 item"),
+        ([], "fingers: it must be a list of 1 item or more"),
         ([{"cloud": "0.npy", "pos": STILL}], "fingers.0.pos: no such key here: did you mean 'pose'"),
     ],
 )
@@ -220,7 +220,7 @@ def test_an_order_that_is_none_is_refused(folder, order):
         ({"cloud": None, "pose": STILL}, "touches.1.cloud: only a finger of a grasp"),
         ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: no unit of that name"),
         ({"cloud": "0.npy", "pose": STILL | {"quaternion": [0, 0, 0, 0]}}, "pose.quaternion: its norm is 0, not 1"),
-        ({"cloud": "0.npy", "pose": STILL | {"order": "wxzy"}}, "touches.1.pose.order: input should be 'xyzw' or"),
+        ({"cloud": "0.npy", "pose": STILL | {"order": "wxzy"}}, "touches.1.pose.order: it must be 'xyzw' or"),
         ({"cloud": "9.npy", "pose": STILL}, "9.npy cannot be read: No such file"),
         ({"cloud": "../0.npy", "pose": STILL}, "file '../0.npy' is not inside of the recording's folder"),
         ({"cloud": "/0.npy", "pose": STILL}, "file '/0.npy' is not inside"),
@@ -228,7 +228,7 @@ def test_an_order_that_is_none_is_refused(folder, order):
         ({"height": "0.npy", "pose": STILL}, "touches.1.mm_per_level is missing: add it; touches.json: touches.1.mm"),
         ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it says cloud and depth: it needs one of"),
         ("0.npy", "touches.1: it says none"),
-        ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: input should be greater"),
+        ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be more"),
     ],
 )
 def test_a_bad_entry_is_left_out_and_the_others_go_on(folder, touch, expected):
@@ -258,11 +258,11 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
         ("[" * 100_000, r"touches\.json is no JSON"),
         ("[]", r"touches\.json holds a list"),
         ({"unit": "furlong"}, r"touches\.json: unit: no unit of that name: m, cm, mm, um, in, .*got 'furlong'"),
-        ({"unit": -1}, r"touches\.json: unit: input should be greater than 0, got -1"),
+        ({"unit": -1}, r"touches\.json: unit: it must be more than 0, got -1"),
         ({"unit": True}, r"touches\.json: unit: "),
         ({"units": "m"}, r"touches\.json: units: no such key here: did you mean 'unit'\?"),
-        ({"format": 2}, r"touches\.json: format: input should be 1, got 2"),
-        ({"frame": "world"}, r"touches\.json: frame: input should be 'sensor' or 'object', got 'world'"),
+        ({"format": 2}, r"touches\.json: format: it must be 1, got 2"),
+        ({"frame": "world"}, r"touches\.json: frame: it must be 'sensor' or 'object', got 'world'"),
         ({"axes": "z"}, r"touches\.json: axes: "),
         ({"touches": []}, r"touches\.json: touches: "),
         ({"pose_to": "world"}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
@@ -296,7 +296,7 @@ def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
         ({}, "layout.name: no layout None"),
         ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: no such key here: did you mean 'per'"),
         ({"name": "smith-2020"}, "holds no <grasp>.npy"),
-        (7, "layout: input should be a valid dictionary"),
+        (7, "layout: it must be a mapping"),
     ],
 )
 def test_layouts_are_checked(tmp_path, layout, expected):

@@ -111,8 +111,8 @@ def test_files_that_are_no_examples_are_named(tmp_path, clouds):
     ("path", "value", "named"),
     [
         (["plain"], [0.1], "touch.plain has 1 values for 6 objects"),
-        (["counts"], [1, 2], "touch: Value error, 'counts' has 2 values for 3 distances"),
-        (["errors", "tapsr"], [0.1], "touch: Value error, 'tapsr' has 1 values for 3 distances"),
+        (["counts"], [1, 2], "touch: 'counts' has 2 values for 3 distances"),
+        (["errors", "tapsr"], [0.1], "touch: 'tapsr' has 1 values for 3 distances"),
         (["replaced"], [float("nan")] * 6, "touch.replaced.0"),
     ],
 )

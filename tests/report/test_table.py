@@ -14,6 +14,15 @@ def printed(results):
     return console.file.getvalue()
 
 
+def test_seconds_say_what_they_are(results):
+    assert "s/cloud: mean wall time for one cloud." in " ".join(printed(results).split()), "results of 0.1"
+    results["timing"], results["hardware"] = "median", {"cores": 2, "threads": 1, "load": 0.5, "torch": "2.6"}
+    said = "s/cloud: median wall time for one cloud (cores 2, threads 1, load 0.5, torch 2.6)."
+    assert said in " ".join(printed(results).split())
+    results["hardware"]["load"] = None  # a system that has none
+    assert "(cores 2, threads 1, torch 2.6)" in " ".join(printed(results).split())
+
+
 def test_the_screen_shows_the_numbers(results):
     text = printed(results)
     for metric in results["metrics"]:

@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -11,8 +12,10 @@ from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
+from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import UserError
 from pcsr.files import write_whole
+from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 
 T = TypeVar("T")
 
@@ -43,17 +46,10 @@ CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
     ".las": las.write_las,
     ".laz": las.write_laz,
 }
-MAGIC = {
-    b"ply\n": (".ply",),
-    b"ply\r": (".ply",),
-    b"# .PCD": (".pcd",),
-    b"VERSION": (".pcd",),
-    b"\x93NUMPY": (".npy",),
-    b"PK\x03\x04": (".npz",),
-    b"glTF": (".glb",),
-    b"LASF": (".las", ".laz"),
-}
-"""What files of a kind begin with."""
+MEMORY = {".xyz": 10.0, ".txt": 10.0, ".csv": 10.0, ".obj": 8.0, ".off": 8.0, ".laz": 8.0, ".glb": 4.0, ".stl": 6.0}
+"""What reading a file takes at its peak, in sizes of the file."""
+LEAST_MEMORY = 3.0
+"""The same for all other kinds."""
 
 
 def _points_of(read: Callable[[bytes], Cloud]) -> Callable[[bytes], np.ndarray]:
@@ -82,6 +78,23 @@ def read_cloud(path: Path, *, bad: Literal["refuse", "drop"] = "refuse") -> Clou
     """
     _by_suffix(path.suffix, CLOUD_READERS, str(path))
     return read_cloud_bytes(_content(path), path.suffix, str(path), bad=bad)
+
+
+def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
+    """What `read_cloud` reads, from a pipe: all of it, up to its end.
+
+    Args:
+        file: the pipe.
+        suffix: of which kind its content is: ".ply".
+        name: what messages call it.
+        bad: as in `read_cloud`.
+
+    Raises:
+        UserError: as `read_cloud`, or the pipe does not end.
+    """
+    _by_suffix(suffix, CLOUD_READERS, name)
+    data = read_pipe(file, name, memory=_memory(suffix), check=partial(check_start, suffix=suffix, name=name))
+    return read_cloud_bytes(data, suffix, name, bad=bad)
 
 
 def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
@@ -119,6 +132,8 @@ def writable(path: Path) -> None:
     _by_suffix(path.suffix, CLOUD_WRITERS, str(path))
     if path.suffix.lower() in (".las", ".laz"):
         las.check_installed(compressed=path.suffix.lower() == ".laz")
+    if path.suffix.lower() == ".pcd":
+        pcd.check_installed()
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:
@@ -175,10 +190,12 @@ def _write_bytes(part: Path, data: bytes) -> None:
 
 
 def _content(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
+    check = partial(check_start, suffix=path.suffix, name=str(path))
+    return read_bytes(path, memory=_memory(path.suffix), check=check)
+
+
+def _memory(suffix: str) -> float:
+    return MEMORY.get(suffix.lower(), LEAST_MEMORY)
 
 
 def _by_suffix(suffix: str, known: Mapping[str, T], name: str) -> T:
@@ -192,17 +209,14 @@ def _by_suffix(suffix: str, known: Mapping[str, T], name: str) -> T:
 def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable[[bytes], T]]) -> T:
     read = _by_suffix(suffix, readers, name)
     suffix = suffix.lower()
-    if not data:
-        raise UserError(f"{name} cannot be read as a {suffix} cloud: it is empty (0 bytes) and holds no points")
-    for magic, suffixes in MAGIC.items():
-        if data.startswith(magic) and suffix not in suffixes:
-            raise UserError(f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it")
+    check_start(data[:HEAD], suffix, name)
     try:
         return read(data)
     except UserError as error:
         raise UserError(f"{name}: {error}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
-        reason = textwrap.shorten(str(error), 200) or type(error).__name__
+        reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
+        reason = textwrap.shorten(reason, 200) or type(error).__name__
         raise UserError(f"{name} cannot be read as a {suffix} cloud: {reason}") from error
 
 

@@ -1,13 +1,20 @@
 """NumPy's files: an NPY of n rows, or an NPZ with `points` and an array for each column."""
 
 import zipfile
-from io import BytesIO
+from io import BufferedIOBase, BytesIO
+from pathlib import PurePosixPath
+from typing import cast
 
 import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
+from pcsr.clouds.npy import read_array
 from pcsr.errors import UserError, did_you_mean
+from pcsr.limits import MOST_COLUMNS, check_inflated
+
+DIRECTORY = 1 << 20
+"""Bytes of the largest directory of an archive: some 10,000 arrays."""
 
 
 def read_npy(data: bytes) -> Cloud:
@@ -16,7 +23,7 @@ def read_npy(data: bytes) -> Cloud:
     Raises:
         UserError: an array that holds no real numbers, or of another shape.
     """
-    array = _numbers(np.load(BytesIO(data), allow_pickle=False))
+    array = _numbers(read_array(BytesIO(data), len(data)))
     return _cloud(array, {}, {"npy": {"kind": array.dtype.str[1:]}})
 
 
@@ -26,27 +33,62 @@ def read_npz(data: bytes) -> Cloud:
     Raises:
         UserError: no array is called `points`, or it holds no real numbers.
     """
-    with np.load(BytesIO(data), allow_pickle=False) as arrays:
-        names = list(arrays.files)
-        name = "points" if "points" in names or len(names) != 1 else names[0]
-        if name not in names:
-            hint = did_you_mean("points", names)
-            raise UserError(f"it holds {len(names)} arrays, none of them 'points': {hint}; rename the right one")
-        points = _numbers(arrays[name])
-        others = {other: np.asarray(arrays[other]) for other in names if other != name}
-    fits = {
-        other
-        for other, array in others.items()
-        if array.dtype.kind in "biuf" and array.ndim in (1, 2) and len(array) == len(points) and other not in "xyz"
-    }
-    cloud = _cloud(points, {other: native(others[other]) for other in others if other in fits}, {})
-    left_out = sorted(others.keys() - fits)
-    return Cloud(cloud.points, cloud.columns, {"left out": left_out} if left_out else {})
+    _check_directory(data)
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        infos = archive.infolist()
+        members = {info.filename.removesuffix(".npy"): info for info in infos if info.filename.endswith(".npy")}
+        if len({info.filename for info in infos}) < len(infos):
+            raise UserError("two of its arrays have one name: rename one of them")
+        name = "points" if "points" in members or len(members) != 1 else next(iter(members))
+        if name not in members:
+            hint = did_you_mean("points", members)
+            raise UserError(f"it holds {len(members)} arrays, none of them 'points': {hint}; rename the right one")
+        check_inflated(len(data), sum(info.file_size for info in members.values()))
+        points = _numbers(_member(archive, members[name]))
+        left_out = [PurePosixPath(info.filename).name for info in infos if not info.filename.endswith(".npy")]
+        columns: dict[str, np.ndarray] = {}
+        for other, info in members.items():
+            if other == name:
+                continue
+            array = _member(archive, info)
+            if array.dtype.kind in "biuf" and array.ndim in (1, 2) and len(array) == len(points) and other not in "xyz":
+                columns[other] = native(array)
+            else:
+                left_out.append(other)
+    cloud = _cloud(points, columns, {})
+    return Cloud(cloud.points, cloud.columns, {"left out": sorted(left_out)} if left_out else {})
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise UserError(f"'{info.filename}' is compressed in a way that NumPy does not use: save it by numpy.savez")
+    with archive.open(info) as file:
+        try:
+            return read_array(cast(BufferedIOBase, file), info.file_size)
+        except UserError as error:
+            raise UserError(f"{info.filename}: {error}") from error
+
+
+def _check_directory(data: bytes) -> None:
+    """Refuse an archive that claims to hold very many files: each would take a kilobyte of memory.
+
+    Raises:
+        UserError: it does, or has no directory at its end.
+    """
+    end = data.rfind(b"PK\5\6", max(0, len(data) - (1 << 16) - 22))
+    if end < 0:
+        raise UserError("it is cut off: the directory at its end is missing")
+    size = int.from_bytes(data[end + 12 : end + 16], "little")
+    if data[max(0, end - 20) : end].startswith(b"PK\6\7"):  # of more than 4 GB: the sizes have 8 bytes
+        large = data.rfind(b"PK\6\6", max(0, end - DIRECTORY), end)
+        size = int.from_bytes(data[large + 40 : large + 48], "little")
+    if size > DIRECTORY:
+        raise UserError(f"its directory has {size} bytes, and {DIRECTORY} are the most: save fewer arrays in it")
 
 
 def _numbers(array: np.ndarray) -> np.ndarray:
     if array.dtype.kind not in "iuf":
-        raise UserError(f"it holds {array.dtype}: points are real numbers")
+        raise UserError(f"it holds {str(array.dtype)[:80]}: points are real numbers")
     if array.size == 0:
         raise UserError("it holds no points")
     if array.ndim != 2 or array.shape[1] < 3:
@@ -55,8 +97,11 @@ def _numbers(array: np.ndarray) -> np.ndarray:
 
 
 def _cloud(array: np.ndarray, columns: dict[str, np.ndarray], about: dict[str, dict[str, str]]) -> Cloud:
+    if array.shape[1] > MOST_COLUMNS:
+        raise UserError(f"it has {array.shape[1]} numbers for each point, and {MOST_COLUMNS} are the most")
     beside = {unused(f"c{i}", columns): native(array[:, i]) for i in range(3, array.shape[1])}
-    return Cloud(array[:, :3].astype(np.float64), beside | columns, about)
+    with np.errstate(over="ignore"):  # what is too large for a double is infinite, and that is refused
+        return Cloud(array[:, :3].astype(np.float64), beside | columns, about)
 
 
 def write_npy(cloud: Cloud) -> bytes:

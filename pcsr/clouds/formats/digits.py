@@ -6,6 +6,35 @@ from io import StringIO
 import numpy as np
 
 from pcsr.errors import UserError
+from pcsr.limits import LONGEST_LINE
+
+MANY = 10**6
+"""From so many lines on, text of little but empty ones is refused."""
+
+
+def check_lines(data: bytes, start: int = 0) -> None:
+    """Refuse text with a line that is longer than any row of numbers, or of hardly anything but empty lines.
+
+    Args:
+        data: the text.
+        start: where it begins.
+
+    Raises:
+        UserError: there is such a line, or there are so many.
+    """
+    gap = b"\n" if b"\n" in data[start : start + LONGEST_LINE] else b"\r"
+    at = start
+    while len(data) - at > LONGEST_LINE:
+        end = data.rfind(gap, at, at + LONGEST_LINE)
+        if end < 0:
+            raise UserError(
+                f"its byte {at} begins a line of more than {LONGEST_LINE} bytes, and none may be longer: it is no text "
+                f"with a point on each line"
+            )
+        at = end + 1
+    lines = data.count(gap, start)
+    if lines > MANY and len(data) - start < 3 * lines:
+        raise UserError(f"it has {lines} lines, nearly all of them empty: remove the empty ones")
 
 
 def load_rows(text: str, count: int | None = None) -> np.ndarray:

@@ -1,7 +1,7 @@
 """LAS and LAZ, as laser scanners of landscapes give them: laspy reads and writes them, where it is installed."""
 
 import copy
-import importlib
+import warnings
 from io import BytesIO
 from typing import Any
 
@@ -10,8 +10,11 @@ import numpy as np
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
 from pcsr.errors import UserError
+from pcsr.extras import imported, remedy, require
+from pcsr.limits import check_inflated
 
-REMEDY = "pip install 'pcsr[las]'"
+USER = "the format LAS"
+"""What needs laspy, in a message to who hasn't got it."""
 RANGE = 2**31 - 1
 """Coordinates are integers of 32 bits, times a scale, plus an offset."""
 FINEST = 1e-9
@@ -27,12 +30,14 @@ def read(data: bytes) -> Cloud:
     Raises:
         UserError: laspy is not installed, or the file is cut off.
     """
-    laspy = _laspy()
+    laspy = imported("laspy", USER)
     _check_counts(data)
     try:
-        las = laspy.read(BytesIO(data))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what it finds odd in a header
+            las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
-        hint = f": {REMEDY}" if "LazBackend" in str(error) else ""
+        hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
     if len(las.points) != las.header.point_count:
         raise UserError(f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there")
@@ -57,6 +62,8 @@ def _check_counts(data: bytes) -> None:
     there = max(0, len(data) - _whole(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
         raise UserError(f"it is cut off: {there} of its {count} points are there")
+    if compressed:
+        check_inflated(len(data), count * size)
 
 
 def _whole(data: bytes, at: int, size: int) -> int:
@@ -86,19 +93,13 @@ def check_installed(*, compressed: bool) -> None:
     Raises:
         UserError: it is not; the message says what to install.
     """
-    if not _laspy().LazBackend.detect_available() and compressed:
-        raise UserError(f"LAZ needs lazrs, which is not installed: {REMEDY}")
-
-
-def _laspy() -> Any:
-    try:
-        return importlib.import_module("laspy")
-    except ImportError as error:
-        raise UserError(f"LAS and LAZ need laspy, which is not installed: {REMEDY}") from error
+    available = imported("laspy", USER).LazBackend.detect_available()
+    if compressed and not available:
+        require({"lazrs": "the format LAZ"})
 
 
 def _write(cloud: Cloud, *, compress: bool) -> bytes:
-    laspy = _laspy()
+    laspy = imported("laspy", USER)
     known = cloud.about.get("las", {}).get("header")
     colours = _wide(cloud.columns)
     header = copy.deepcopy(known) if known is not None else _header(laspy, cloud.points, bool(colours))
@@ -124,7 +125,7 @@ def _write(cloud: Cloud, *, compress: bool) -> bytes:
         file = BytesIO()
         las.write(file, do_compress=compress)
     except (laspy.LaspyException, OverflowError, ValueError) as error:
-        hint = f": {REMEDY}" if "LazBackend" in str(error) else ""
+        hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot write the cloud: {error}{hint}") from error
     return file.getvalue()
 

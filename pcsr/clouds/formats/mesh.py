@@ -1,7 +1,9 @@
 """Meshes as clouds: the vertices of OBJ, OFF, STL and GLB, with their colours and normals."""
 
+import logging
 import re
 import textwrap
+import warnings
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,18 +13,27 @@ from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOURS, NORMALS, spread
-from pcsr.clouds.formats.digits import load_rows, words
+from pcsr.clouds.formats.beginnings import check_start
+from pcsr.clouds.formats.digits import check_lines, load_rows, words
+from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
+from pcsr.inputs import read_bytes
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it finds odd goes to the terminal
+MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
+"""Kinds of files that meshes are read from."""
+MEMORY = 8.0
+"""What reading a mesh takes at its peak, in sizes of the file."""
 NORMAL_OF_CORNER = re.compile(r"(?<=\s)(-?\d+)/\d*/(-?\d+)")
 OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
 
 
 def read_obj(data: bytes) -> Cloud:
     """The lines `v`, with colours as they stand; normals where there is one for each vertex, in the same order."""
+    check_lines(data)
     text = data.decode("utf-8-sig", "surrogateescape")
     rows = load_rows("\n".join(re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
     if not len(rows):
@@ -40,6 +51,7 @@ def read_obj(data: bytes) -> Cloud:
 
 def read_off(data: bytes) -> Cloud:
     """The vertices, with the normals of NOFF and the colours of COFF."""
+    check_lines(data)
     text = re.sub(r"#.*", "", data.decode("utf-8-sig"))
     header = OFF_HEADER.match(text)
     if not header:
@@ -77,10 +89,7 @@ def read_glb(data: bytes) -> Cloud:
 
 
 def _loaded(data: bytes, kind: str) -> Cloud:
-    import trimesh
-
-    # From memory, so that no file beside it is looked for; unprocessed, so that no vertex is merged or dropped.
-    scene = trimesh.load_scene(BytesIO(data), file_type=kind, process=False, skip_materials=True)
+    scene = _scene(data, kind)
     points, found = [], []
     for node in scene.graph.nodes_geometry:
         pose, name = scene.graph[node]
@@ -95,22 +104,57 @@ def _loaded(data: bytes, kind: str) -> Cloud:
     return Cloud(np.concatenate(points), columns)
 
 
+def _scene(data: bytes, kind: str) -> Any:
+    import trimesh
+
+    if kind == "glb":
+        check_scene(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what trimesh finds odd
+        # From memory, so that no file beside it is looked for; unprocessed, so that no vertex is merged or dropped.
+        return trimesh.load_scene(BytesIO(data), file_type=kind, process=False, skip_materials=True)
+
+
 def read_mesh(path: Path) -> "Trimesh":
     """The triangles of a mesh file by its suffix; the meshes of a scene are joined into one.
 
     Raises:
-        UserError: it cannot be read, or has no faces.
+        UserError: it cannot be read, has no faces, or a face names a vertex that is not there.
     """
-    import trimesh
-
+    suffix = path.suffix.lower()
+    if suffix not in MESHES:
+        raise UserError(f"{path}: no mesh format '{suffix}': {', '.join(MESHES)} are known")
+    data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
     try:
-        mesh: Trimesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
+        mesh: Trimesh = _scene(data, suffix[1:]).to_mesh()
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         reason = textwrap.shorten(str(error), 200) or type(error).__name__
         raise UserError(f"{path} cannot be read as a mesh: {reason}") from error
     if not len(mesh.faces):
         raise UserError(f"{path} has no faces: give a mesh, not a cloud")
+    check_faces(np.asarray(mesh.faces), len(mesh.vertices), str(path))
     return mesh
+
+
+def check_faces(faces: np.ndarray, count: int, name: str) -> None:
+    """Refuse faces that name vertices which are not there.
+
+    Args:
+        faces: (f, 3), indices of vertices.
+        count: of vertices.
+        name: what messages call the mesh.
+
+    Raises:
+        UserError: some do.
+    """
+    bad = np.flatnonzero(((faces < 0) | (faces >= count)).any(axis=1))
+    if len(bad):
+        raise UserError(
+            f"{name}: {len(bad)} of its {len(faces)} faces name vertices that are not there, such as face {bad[0]}, "
+            f"{faces[bad[0]].tolist()}: it has {count} vertices, counted from 0"
+        )
 
 
 def _columns(part: Any, pose: Float[np.ndarray, "3 3"]) -> dict[str, np.ndarray]:

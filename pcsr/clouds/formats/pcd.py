@@ -8,13 +8,21 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import NORMALS, native, spread, unused
-from pcsr.clouds.formats.digits import words
+from pcsr.clouds.formats.digits import check_lines, words
 from pcsr.errors import UserError
+from pcsr.extras import imported, require
+from pcsr.limits import check_inflated
 
+USER = "the format PCD"
+"""What needs pypcd4, in a message to who hasn't got it."""
 PADDING = "#$%&~~"
 """What pypcd4 calls fields that only fill up space."""
 HEADER = 1 << 16
 """A header ends within so many bytes."""
+KINDS = {*((kind, size) for kind in "IU" for size in (1, 2, 4, 8)), ("F", 4), ("F", 8)}
+"""Types and sizes of fields."""
+DIGITS = 20
+"""No header has a number of so many."""
 WIDEST = 10_000
 """A damaged header may claim billions of numbers for each point, and pypcd4 would name each."""
 
@@ -23,14 +31,11 @@ def read(data: bytes) -> Cloud:
     """All fields. `rgb` and `rgba` become red, green, blue (and alpha), `normal_x` becomes nx.
 
     Raises:
-        UserError: a coordinate is missing, or the file is cut off.
+        UserError: a coordinate is missing, the file is cut off, or the extra `[pcd]` is not installed.
     """
-    from pypcd4.pypcd4 import PointCloud
-
-    counts = re.search(rb"^COUNT\s+([\d \t]+)", data[:HEADER], re.MULTILINE)
-    if counts and sum(map(int, counts[1].split())) > WIDEST:
-        raise UserError(f"its COUNT is {counts[1].decode().strip()[:80]}: {WIDEST} numbers for each point are the most")
-    cloud = PointCloud.from_fileobj(BytesIO(data))  # type: ignore[arg-type]
+    pypcd4 = imported("pypcd4.pypcd4", USER)
+    _check_header(data)
+    cloud = pypcd4.PointCloud.from_fileobj(BytesIO(data))
     meta = cloud.metadata
     missing = [name for name in "xyz" if name not in cloud.fields]
     if missing:
@@ -61,6 +66,66 @@ def read(data: bytes) -> Cloud:
     return Cloud(points, columns, {"pcd": about})
 
 
+def check_installed() -> None:
+    """Check that pypcd4 is there.
+
+    Raises:
+        UserError: it is not; the message names the extra.
+    """
+    require({"pypcd4": USER})
+
+
+def _check_header(data: bytes) -> None:
+    """Refuse a header that says no cloud, or one that the file has no room for: pypcd4 would believe it.
+
+    Raises:
+        UserError: it does.
+    """
+    end = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:HEADER], re.MULTILINE)
+    if not end:
+        raise UserError(
+            f"it cannot be read as a .pcd cloud: its header has no line DATA within {HEADER} bytes: it is cut off"
+        )
+    lines = data[: end.start()].decode("utf-8", "replace").splitlines()
+    said = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
+    fields = said.get("FIELDS", [])
+    if not fields:
+        raise UserError("its header has no line FIELDS")
+    sizes, counts = (_wholes(said, key, len(fields)) for key in ("SIZE", "COUNT"))
+    if len(said.get("TYPE", [])) != len(fields) or not set(zip(said["TYPE"], sizes, strict=True)) <= KINDS:
+        raise UserError("its TYPE and SIZE must be one of I and U with 1, 2, 4, 8 and F with 4, 8 for each field")
+    if sum(counts) > WIDEST:
+        raise UserError(f"its COUNT is {' '.join(said['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
+    (points,) = _wholes(said, "POINTS", 1)
+    _wholes(said, "WIDTH", 1)
+    _wholes(said, "HEIGHT", 1)
+    rest, encoding = data[end.end() :], end[1].decode()
+    whole = points * sum(size * count for size, count in zip(sizes, counts, strict=True))
+    if encoding == "ascii":
+        check_lines(data, end.end())
+    elif encoding == "binary":
+        there = len(rest) * points // whole if whole else 0
+        if there < points:
+            raise UserError(f"it is cut off: {there} of its {points} points are there")
+    elif encoding == "binary_compressed":
+        packed, unpacked = (int.from_bytes(rest[at : at + 4], "little") for at in (0, 4))
+        if len(rest) < 8 + packed:
+            raise UserError(f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there")
+        if unpacked != whole:
+            raise UserError(f"its {packed} compressed bytes become {unpacked}, and its {points} points take {whole}")
+        check_inflated(packed, unpacked)
+    else:
+        raise UserError(f"its DATA is '{encoding[:80]}': ascii, binary and binary_compressed are known")
+
+
+def _wholes(said: dict[str, list[str]], key: str, count: int) -> list[int]:
+    """The whole numbers of a line of the header."""
+    words = said.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
+    if len(words) < count or not all(word.isdecimal() and len(word) < DIGITS for word in words[:count]):
+        raise UserError(f"its {key} is '{' '.join(words)[:80]}': {count} whole numbers are needed")
+    return [int(word) for word in words[:count]]
+
+
 def _unpacked(packed: np.ndarray) -> np.ndarray:
     """Red, green, blue and alpha: the four bytes of a number, the lowest last."""
     bits = packed.view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
@@ -72,9 +137,11 @@ def write(cloud: Cloud) -> bytes:
 
     Coordinates are floats where they were floats and still are, else doubles. The points are in one row: an
     image of points is one no longer.
-    """
-    from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
+    Raises:
+        UserError: a column that the format cannot hold, or the extra `[pcd]` is not installed.
+    """
+    pypcd4 = imported("pypcd4.pypcd4", USER)
     about = cloud.about.get("pcd", {})
     encoding = about.get("encoding", "binary")
     with np.errstate(over="ignore"):
@@ -83,7 +150,7 @@ def write(cloud: Cloud) -> bytes:
     fields = dict(zip("xyz", points.T, strict=True))
     fields |= _packed(_named(cloud.columns), about.get("packed", ["", "f4"]))
     fields = {name: _storable(name, column) for name, column in fields.items()}
-    meta = MetaData.model_validate(
+    meta = pypcd4.MetaData.model_validate(
         {
             "fields": list(fields),
             "size": [column.dtype.itemsize for column in fields.values()],
@@ -100,10 +167,10 @@ def write(cloud: Cloud) -> bytes:
         table[name] = part
     file = BytesIO()
     if encoding == "ascii":
-        file.write(meta.compose_header(data=Encoding.ASCII).encode())
+        file.write(meta.compose_header(data=pypcd4.Encoding.ASCII).encode())
         file.writelines((" ".join(row) + "\n").encode() for row in zip(*map(words, flat), strict=True))
     else:
-        PointCloud(meta, table).save(file, Encoding(encoding))
+        pypcd4.PointCloud(meta, table).save(file, pypcd4.Encoding(encoding))
     return file.getvalue()
 
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native
-from pcsr.clouds.formats.digits import fitting, load_rows
+from pcsr.clouds.formats.digits import check_lines, fitting, load_rows
 from pcsr.errors import UserError
+from pcsr.limits import MOST_COLUMNS
 
 TYPES = {
     "char": "i1",
@@ -32,6 +33,12 @@ ALIASES = {
     "float64": "double",
 }
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+DIGITS = 20
+"""No file has a count of so many."""
+HEADER = 1 << 20
+"""A header ends within so many bytes."""
+UNEVEN = 10**6
+"""Rows with lists of different lengths that are passed over before the vertices: each costs some microseconds."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +93,13 @@ def read(data: bytes) -> Cloud:
 
 
 def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
-    found = re.match(rb"(ply[ \t]*\r?\n.*?\n)end_header[ \t]*\r?\n", data, re.DOTALL)
+    found = re.match(rb"(ply[ \t]*\r?\n.*?\n)end_header[ \t]*\r?\n", data[:HEADER], re.DOTALL)
     if not found:
-        what = "its header has no end" if re.match(rb"ply\s", data) else "it does not begin with the line 'ply'"
+        what = (
+            f"its header has no end within {HEADER} bytes"
+            if re.match(rb"ply\s", data)
+            else "it does not begin with the line 'ply'"
+        )
         raise UserError(f"it cannot be read as a .ply cloud: {what}")
     encoding, comments, elements = "", [], list[Element]()
     # Comments may be in any encoding: what is not UTF-8 is carried through as it is.
@@ -98,7 +109,7 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
                 encoding = name
             case ["comment" | "obj_info", *_]:
                 comments.append(line)
-            case ["element", name, count] if count.isdecimal():
+            case ["element", name, count] if count.isdecimal() and len(count) < DIGITS:
                 elements.append(Element(name, int(count), []))
             case ["property", "list", length, kind, name] if elements:
                 elements[-1].properties.append(Property(_readable(name), _type(kind), _type(length)))
@@ -109,7 +120,9 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
             case _:
                 raise UserError(f"it cannot be read as a .ply cloud: its header has the line '{line.strip()[:80]}'")
     if encoding not in ORDERS:
-        raise UserError(f"its format is '{encoding}': {', '.join(ORDERS)} are known")
+        raise UserError(f"its format is '{encoding[:80]}': {', '.join(ORDERS)} are known")
+    if any(len(element.properties) > MOST_COLUMNS for element in elements):
+        raise UserError(f"an element of its header has more than {MOST_COLUMNS} properties, the most that are read")
     return encoding, comments, elements, found.end()
 
 
@@ -120,7 +133,7 @@ def _readable(name: str) -> str:
 def _type(word: str) -> str:
     name = ALIASES.get(word, word)
     if name not in TYPES:
-        raise UserError(f"its header names the type '{word}': {', '.join(TYPES)} are known")
+        raise UserError(f"its header names the type '{word[:80]}': {', '.join(TYPES)} are known")
     return name
 
 
@@ -142,6 +155,11 @@ def _after(data: bytes, at: int, element: Element, encoding: str) -> int:
         even = _even(_rows(data, at, element, row), element)
     if even:
         return at + element.count * row.itemsize
+    if element.count > UNEVEN:
+        raise UserError(
+            f"its {element.count} of '{element.name}' have lists of different lengths and are before its vertices, and "
+            f"{UNEVEN} of such are the most: write the vertices first"
+        )
     for _ in range(element.count):  # such as faces of three and of four corners ahead of the vertices
         at += _row(data, at, element, order).itemsize
     return at
@@ -158,8 +176,8 @@ def _row(data: bytes, at: int, element: Element, order: str) -> np.dtype[np.void
             if at + size + length.itemsize > len(data):
                 raise UserError("it is cut off in the middle of a list")
             shape = (int(np.frombuffer(data, length, 1, at + size)[0]),)
-            if not 0 <= shape[0] <= len(data):
-                raise UserError(f"it has a list of {shape[0]} numbers, more than the file has bytes")
+            if not 0 <= shape[0] <= (len(data) - at - size) // np.dtype(TYPES[each.type]).itemsize:
+                raise UserError(f"it has a list of {shape[0]} numbers, more than the file has room for")
             parts.append((f"length {number}", length.str, ()))
             size += length.itemsize
         parts.append((f"{number}", order + TYPES[each.type], shape))
@@ -188,6 +206,7 @@ def _binary(data: bytes, at: int, element: Element, order: str) -> dict[str, np.
 
 
 def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
+    check_lines(data)
     # Doubles hold every number of every type that PLY has.
     most = len(data) // 2 + 1  # whatever the header claims, so that nobody's claim takes the memory
     rows = load_rows(data.decode("latin-1"), min(element.count, most))
@@ -199,7 +218,10 @@ def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
             lengths = rows[:, at : at + 1]
             if (lengths != lengths[:1]).any():
                 raise UserError(f"its vertices have lists '{each.name}' of different lengths: they make no column")
-            taken = slice(at + 1, at + 1 + int(lengths[0, 0]) if at < width else width + 1)
+            length = float(lengths[0, 0]) if at < width else 0.0
+            if not (length >= 0 and length.is_integer()):
+                raise UserError(f"its vertices have lists '{each.name}' of {length:g} numbers, which is no length")
+            taken = slice(at + 1, at + 1 + int(length) if at < width else width + 1)
         at = taken.stop if isinstance(taken, slice) else at + 1
         if at > width:
             raise UserError(f"its vertices have {width} numbers each, at least {at} are needed")

@@ -11,8 +11,9 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import NORMALS, colour_names, one_word_names, spread, unused
-from pcsr.clouds.formats.digits import words
+from pcsr.clouds.formats.digits import check_lines, words
 from pcsr.errors import UserError
+from pcsr.limits import MOST_COLUMNS
 
 COMMENT = re.compile(r"^[ \t]*(?:#|//).*$", re.MULTILINE)
 DECIMAL_COMMAS = re.compile(r"\A\s*[+-]?\d+,\d+(?:[ \t;]+[+-]?\d+,\d+)+[ \t]*$", re.MULTILINE)
@@ -42,20 +43,24 @@ def csv_points(data: bytes) -> np.ndarray:
 
 
 def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
+    check_lines(data)
     text = data.decode("utf-8-sig")
-    if not comma and DECIMAL_COMMAS.search(COMMENT.sub("", text)):
+    bare = COMMENT.sub("", text) if "#" in text or "//" in text else text
+    if not comma and DECIMAL_COMMAS.search(bare):
         raise UserError("it has decimal commas, 1,5 for 1.5: write points, as commas part columns here")
-    rows = _split(text, comma)
+    rows = _split(bare.lstrip(), comma)
     _, first = next(rows, (0, []))
     names = _names(first)
     width = len((next(rows, (0, first)) if names else (0, first))[1])
+    if max(width, len(names)) > MOST_COLUMNS:
+        raise UserError(f"it has {max(width, len(names))} columns, and {MOST_COLUMNS} are the most")
     coordinates = _coordinates(names, must=comma) if names else [0, 1, 2]
     if beside and names and width != len(names) and first:
         raise UserError(f"its line of names has {len(names)} columns, the line after it has {width}")
     told = names or (_commented(text, width) if beside else [])
     if told and not names:
         coordinates = _coordinates(told, must=False)
-    table = _numbers(text, comma, bool(names), width if beside else None, coordinates)
+    table = _numbers(text, bare, comma, bool(names), width if beside else None, coordinates)
     if not len(table):
         raise UserError("it holds no points")
     points = np.stack([np.asarray(table[f"{i}"], np.float64) for i in coordinates], axis=-1)
@@ -114,19 +119,19 @@ def _coordinates(names: list[str], must: bool) -> list[int]:
     return [0, 1, 2]
 
 
-def _numbers(text: str, comma: bool, named: bool, width: int | None, coordinates: list[int]) -> np.ndarray:
+def _numbers(text: str, bare: str, comma: bool, named: bool, width: int | None, coordinates: list[int]) -> np.ndarray:
     """The table of numbers; its fields are called by the number of their column.
 
     Columns whose values are all written as integers are integers.
 
     Args:
         text: the whole file.
+        bare: the same without comments.
         comma: whether commas alone part the columns.
         named: whether the first line holds names.
         width: how many columns there are; None to read the coordinates alone.
         coordinates: the columns that hold them.
     """
-    bare = COMMENT.sub("", text) if "#" in text or "//" in text else text
     bare = bare.lstrip()
     if named:
         bare = bare.partition("\n")[2] if "\n" in bare else bare.partition("\r")[2]

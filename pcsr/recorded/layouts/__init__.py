@@ -6,6 +6,7 @@ from typing import Any
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import shown
 from pcsr.recorded.layouts import gsrobotics, normalflow, pterotactyl, smith_2020, ycb_slide
 from pcsr.recorded.manifest import Strict, checked
 
@@ -33,7 +34,7 @@ def read(folder: Path, layout: dict[str, Any]) -> Iterator[tuple[str, Touch | st
     """
     name = layout.get("name")
     if not isinstance(name, str) or name not in LAYOUTS:
-        raise UserError(f"touches.json: layout.name: no layout {name!r}: {did_you_mean(str(name), LAYOUTS)}")
+        raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {did_you_mean(shown(name), LAYOUTS)}")
     options, read_folder = LAYOUTS[name]
     said = {key: value for key, value in layout.items() if key != "name"}
     return read_folder(folder, checked(options, said, "layout"))

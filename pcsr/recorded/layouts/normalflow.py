@@ -16,6 +16,8 @@ from scipy import fft
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.inputs import check_file
+from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.images import height_contact
 from pcsr.recorded.manifest import Length, Pose, Positive, Strict, inside
 from pcsr.recorded.pose import check_matrix, moved_along_z, sensor_to_object, transformed, turn
@@ -50,6 +52,8 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
     path = _poses(folder, options.poses)
     motions = _mapped(path, "(n, 4, 4)", 3)
     shapes = gradients.shape, masks.shape, motions.shape
+    if masks.shape[1] * masks.shape[2] > MOST_PIXELS:
+        raise UserError(f"{folder}: its frames have shape {masks.shape[1:]}, and {MOST_PIXELS} pixels are the most")
     if gradients.shape[3] != 2 or masks.shape != gradients.shape[:3] or motions.shape != (len(masks), 4, 4):
         raise UserError(f"{folder}: gradients, masks and poses of shapes {shapes} do not fit together")
     if len(masks) == 0:
@@ -120,12 +124,11 @@ def _poses(folder: Path, name: str | None) -> Path:
 
 def _mapped(path: Path, shape: str, dimensions: int) -> np.ndarray:
     """An array that stays in its file until it is looked at."""
+    check_file(path)
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
     except Exception as error:  # numpy raises whatever a malformed header makes it trip over
-        raise UserError(f"{path} cannot be read as an .npy file of numbers: {error}") from error
+        raise UserError(f"{path} cannot be read as an .npy file of numbers: it is damaged or cut off") from error
     if not isinstance(array, np.ndarray) or array.ndim != dimensions or array.dtype.kind not in "biuf":
         raise UserError(f"{path} must hold numbers of shape {shape}")
     return array

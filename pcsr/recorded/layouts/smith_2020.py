@@ -5,6 +5,7 @@ it touched, and the surface that it felt, in the world's frame. The object is ha
 frame, and 0.6 m up.
 """
 
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,8 @@ from scipy.spatial.transform import Rotation
 from pcsr.clouds.touch import Touch
 from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
+from pcsr.limits import MOST_TOUCHED_POINTS
+from pcsr.mistakes import shown
 from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pose import in_object, turn
 
@@ -90,10 +93,11 @@ def numbers(value: Any, shape: tuple[int | None, ...], name: str, *, finite: boo
     Raises:
         UserError: they are none, not finite, or of another shape.
     """
+    _check_count(value, name)
     try:
         array = np.asarray(value)
-    except ValueError as error:  # lists of unequal length
-        raise UserError(f"{name} holds no array: {error}") from error
+    except (ValueError, OverflowError, TypeError) as error:  # lists of unequal length, or numbers that are none
+        raise UserError(f"{name} holds no array of numbers: {textwrap.shorten(str(error), 100)}") from error
     if array.dtype.kind not in "biuf":
         raise UserError(f"{name} holds {array.dtype}, no numbers")
     if array.size == 0 and shape[0] is None:
@@ -105,6 +109,25 @@ def numbers(value: Any, shape: tuple[int | None, ...], name: str, *, finite: boo
     if finite and not np.isfinite(array).all():
         raise UserError(f"{name}: {np.count_nonzero(~np.isfinite(array))} of {array.size} numbers are not finite")
     return array.astype(np.float64)
+
+
+def _check_count(value: Any, name: str) -> None:
+    """Refuse nested lists that are small in their file, as parts of them are one and the same, and endless in full."""
+    counts: dict[int, int] = {}
+
+    def count(one: Any) -> int:
+        if not isinstance(one, list | tuple):
+            return int(np.size(one)) if isinstance(one, np.ndarray) else 1
+        if id(one) not in counts:
+            counts[id(one)] = sum(map(count, one))
+        return counts[id(one)]
+
+    try:
+        numbers = count(value)
+    except RecursionError as error:
+        raise UserError(f"{name} is nested too deeply") from error
+    if numbers > MOST_TOUCHED_POINTS:
+        raise UserError(f"{name} holds {numbers} numbers, and {MOST_TOUCHED_POINTS} are the most")
 
 
 def _fingers(path: Path) -> list[Touch | None]:
@@ -137,7 +160,7 @@ def _finger(place: Any, angles: Any, success: Any, points: Any, name: str) -> To
 
 
 def _truth(value: Any, name: str) -> bool:
-    flag = np.asarray(value)
+    flag = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else np.zeros(0)
     if flag.size != 1 or flag.dtype.kind not in "biuf":
-        raise UserError(f"{name}: touch_success must be true or false, got {value!r}")
+        raise UserError(f"{name}: touch_success must be true or false, got {shown(value)}")
     return bool(flag.item())

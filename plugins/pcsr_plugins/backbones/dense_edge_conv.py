@@ -14,6 +14,7 @@ from torch.nn import functional as F
 from pcsr import Backbone, Trait, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConv
+from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
 
 class DenseEdgeConvs(Backbone):
@@ -28,11 +29,11 @@ class DenseEdgeConvs(Backbone):
         self,
         widths: Widths,
         *,
-        blocks: int = 4,
-        layers: int = 3,
-        growth: int = 24,
-        between: int = 48,
-        neighbours: int = 16,
+        blocks: Layers = 4,
+        layers: Layers = 3,
+        growth: Channels = 24,
+        between: Channels = 48,
+        neighbours: NeighbourCount = 16,
     ) -> None:
         super().__init__()
         self.channels = widths.visual

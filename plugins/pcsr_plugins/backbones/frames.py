@@ -10,6 +10,7 @@ from pcsr import Backbone, Trait, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.frame_conv import FrameConv
 from pcsr_plugins.layers.frames import Frames
+from pcsr_plugins.layers.options import Layers, NeighbourCount
 
 
 class FrameBackbone(Backbone):
@@ -17,7 +18,7 @@ class FrameBackbone(Backbone):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, layers: int = 4, neighbours: int = 16) -> None:
+    def __init__(self, widths: Widths, *, layers: Layers = 4, neighbours: NeighbourCount = 16) -> None:
         super().__init__()
         self.channels = c = widths.visual
         self.neighbours = neighbours

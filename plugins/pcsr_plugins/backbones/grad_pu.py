@@ -17,6 +17,7 @@ from pcsr import Backbone, Trait, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Features, Neighbours, Points
 from pcsr_plugins.layers.normed import Normed
+from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
 Ways = Float[Tensor, "b n k 3"]
 
@@ -30,12 +31,12 @@ class GradPU(Backbone):
         self,
         widths: Widths,
         *,
-        blocks: int = 3,
-        layers: int = 3,
-        width: int = 32,
-        growth: int = 32,
-        bottleneck: int = 32,
-        neighbours: int = 16,
+        blocks: Layers = 3,
+        layers: Layers = 3,
+        width: Channels = 32,
+        growth: Channels = 32,
+        bottleneck: Channels = 32,
+        neighbours: NeighbourCount = 16,
     ) -> None:
         super().__init__()
         self.neighbours = neighbours

@@ -10,8 +10,11 @@ reading of its published code, quirks included:
 So the weights are as many as published. They start as torch's layers do, not by Xavier's rule.
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -19,6 +22,7 @@ from pcsr import Backbone, Trait, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Features, Neighbours, Points
 from pcsr_plugins.layers.edge_conv import EdgeConv, graph
+from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
 LAYERS = 3
 """Of a dense path."""
@@ -30,7 +34,13 @@ class PUGCN(Backbone):
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
     def __init__(
-        self, widths: Widths, *, blocks: int = 2, growth: int = 32, neighbours: int = 20, dilation: int = 2
+        self,
+        widths: Widths,
+        *,
+        blocks: Layers = 2,
+        growth: Channels = 32,
+        neighbours: NeighbourCount = 20,
+        dilation: Annotated[int, Field(ge=1, le=16)] = 2,
     ) -> None:
         super().__init__()
         self.channels = 2 * LAYERS * growth + 1

@@ -10,16 +10,19 @@ are the first ones of one row of farthest points.
 """
 
 from itertools import pairwise
+from typing import Annotated
 
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pcsr import Backbone, Trait, Widths
+from pcsr import Backbone, Trait, UserError, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.farthest import farthest
 from pcsr_plugins.layers.interpolate import interpolate
+from pcsr_plugins.layers.options import Channels, Count, HalvedCascade, Positive
 from pcsr_plugins.layers.set_abstraction import SetAbstraction
 
 
@@ -32,12 +35,17 @@ class PUNet(Backbone):
         self,
         widths: Widths,
         *,
-        channels: tuple[int, ...] = (128, 256, 512),
-        radii: tuple[float, ...] = (0.1, 0.2, 0.3),
-        samples: int = 32,
-        reduced: int = 64,
+        channels: HalvedCascade = (128, 256, 512),
+        radii: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=16)] = (0.1, 0.2, 0.3),
+        samples: Count = 32,
+        reduced: Channels = 64,
     ) -> None:
         super().__init__()
+        if len(radii) != len(channels):
+            raise UserError(
+                f"backbone 'pu-net' has {len(channels)} levels by its channels and {len(radii)} by its radii: "
+                f"give each level both"
+            )
         self.channels = len(channels) * reduced + widths.visual + 3
         self.levels = nn.ModuleList(
             SetAbstraction(c_in, (c_out // 2, c_out // 2, c_out), radius, samples)

@@ -9,14 +9,18 @@ Qiu et al., "PU-Transformer: Point Cloud Upsampling Transformer", ACCV 2022, Sec
 Norm is LayerNorm throughout: a batch norm would tie the points of one object to those of another.
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import nn
 from torch.nn import functional as F
 
-from pcsr import Backbone, Trait, Widths
+from pcsr import Backbone, Trait, UserError, Widths
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.tensors import Features, Neighbours, Points
+from pcsr_plugins.layers.options import HalvedCascade, NeighbourCount
 
 Refined = Float[torch.Tensor, "b n refined"]
 
@@ -30,11 +34,16 @@ class PUTransformer(Backbone):
         self,
         widths: Widths,
         *,
-        channels: tuple[int, ...] = (32, 64, 128, 256, 256),
-        neighbours: int = 20,
-        windows: int = 4,
+        channels: HalvedCascade = (32, 64, 128, 256, 256),
+        neighbours: NeighbourCount = 20,
+        windows: Annotated[int, Field(ge=1, le=64)] = 4,
     ) -> None:
         super().__init__()
+        if min(channels) < 2 * windows:
+            raise UserError(
+                f"backbone 'pu-transformer' cuts {windows} windows of two channels or more out of each layer, and "
+                f"one of them has {min(channels)} channels: take {min(channels) // 2} windows or fewer, or wider layers"
+            )
         self.channels = channels[-1]
         self.neighbours = neighbours
         wide = (widths.visual, *channels)

@@ -8,6 +8,7 @@ from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.edge_conv import EdgeConv as Layer
 from pcsr_plugins.layers.edge_conv import graph
+from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
 class EdgeConv(Encoder):
@@ -15,7 +16,7 @@ class EdgeConv(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 32, neighbours: int = 20) -> None:
+    def __init__(self, widths: Widths, *, channels: Channels = 32, neighbours: NeighbourCount = 20) -> None:
         super().__init__()
         self.channels = channels
         self.neighbours = neighbours

@@ -6,6 +6,7 @@ from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.frame_conv import FrameConv
 from pcsr_plugins.layers.frames import Frames
+from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
 class FrameEncoder(Encoder):
@@ -13,7 +14,7 @@ class FrameEncoder(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 64, neighbours: int = 16) -> None:
+    def __init__(self, widths: Widths, *, channels: Channels = 64, neighbours: NeighbourCount = 16) -> None:
         super().__init__()
         self.channels = channels
         self.neighbours = neighbours

@@ -9,6 +9,7 @@ from torch import nn
 
 from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.options import Channels
 
 
 class Linear(Encoder):
@@ -16,7 +17,7 @@ class Linear(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 24) -> None:
+    def __init__(self, widths: Widths, *, channels: Channels = 24) -> None:
         super().__init__()
         self.channels = channels
         self.layer = nn.Linear(3, channels)

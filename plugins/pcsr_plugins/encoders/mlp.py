@@ -12,6 +12,7 @@ from torch import nn
 from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.normed import Normed
+from pcsr_plugins.layers.options import Channels
 
 
 class Mlp(Encoder):
@@ -19,7 +20,7 @@ class Mlp(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 16, norm: Literal["none", "batch"] = "none") -> None:
+    def __init__(self, widths: Widths, *, channels: Channels = 16, norm: Literal["none", "batch"] = "none") -> None:
         super().__init__()
         self.channels = channels
         self.layer = Normed(3, channels) if norm == "batch" else nn.Sequential(nn.Linear(3, channels), nn.ReLU())

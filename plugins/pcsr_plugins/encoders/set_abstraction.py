@@ -7,6 +7,7 @@ backbone `pu-net`.
 
 from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.options import Cascade, Count, Positive
 from pcsr_plugins.layers.set_abstraction import SetAbstraction
 
 
@@ -16,7 +17,7 @@ class BallEncoder(Encoder):
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
     def __init__(
-        self, widths: Widths, *, channels: tuple[int, ...] = (32, 32, 64), radius: float = 0.05, samples: int = 32
+        self, widths: Widths, *, channels: Cascade = (32, 32, 64), radius: Positive = 0.05, samples: Count = 32
     ) -> None:
         super().__init__()
         self.channels = channels[-1]

@@ -18,6 +18,7 @@ from torch.nn import functional as F
 from pcsr import Encoder, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.options import HalvedChannels
 
 
 class UNet(Encoder):
@@ -25,7 +26,9 @@ class UNet(Encoder):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 128, order: Literal["hilbert", "file"] = "hilbert") -> None:
+    def __init__(
+        self, widths: Widths, *, channels: HalvedChannels = 128, order: Literal["hilbert", "file"] = "hilbert"
+    ) -> None:
         super().__init__()
         self.channels = c = channels
         self.order = order

@@ -21,6 +21,7 @@ from pcsr import Fusion, Touches, Trait, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.options import Channels, Count, NeighbourCount
 
 APART = 1e4
 """Where the points of a missing touch are put for the search, in radii of the cloud: nearest to nobody."""
@@ -32,7 +33,9 @@ class Anchored(Fusion):
     traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
     anchors: ClassVar[bool] = True
 
-    def __init__(self, widths: Widths, *, neighbours: int = 12, heard: int = 64, hidden: int = 64) -> None:
+    def __init__(
+        self, widths: Widths, *, neighbours: NeighbourCount = 12, heard: Count = 64, hidden: Channels = 64
+    ) -> None:
         """Choose how many touched points are heard.
 
         Args:

@@ -5,7 +5,10 @@ Along the channels, as in the FF block's own Concat: each visual feature is foll
 touches that are missing count as zeros, and one layer brings the width back to what the backbone takes.
 """
 
+from typing import Annotated
+
 import torch
+from pydantic import Field
 from torch import nn
 
 from pcsr import Fusion, Touches, Trait, UserError, Widths
@@ -18,7 +21,7 @@ class Concat(Fusion):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, touches: int = 5) -> None:
+    def __init__(self, widths: Widths, *, touches: Annotated[int, Field(ge=1, le=16)] = 5) -> None:
         super().__init__()
         self.slots = touches
         self.layer = nn.Linear(widths.visual + touches * widths.touch, widths.visual)

@@ -18,6 +18,7 @@ from pcsr import Widths
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.tensors import Points, TouchMask, TouchPoints
 from pcsr_plugins.fusions.none import NoFusion
+from pcsr_plugins.layers.options import Count
 
 
 class Inserted(NoFusion):
@@ -25,7 +26,7 @@ class Inserted(NoFusion):
 
     anchors: ClassVar[bool] = True
 
-    def __init__(self, widths: Widths, *, points: int = 48) -> None:
+    def __init__(self, widths: Widths, *, points: Count = 48) -> None:
         """Choose how many points of a touch are inserted.
 
         Args:

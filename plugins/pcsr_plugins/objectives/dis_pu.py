@@ -9,13 +9,17 @@ objective sees batches, not epochs: it counts those it trains on, in a buffer, s
 again goes on where it stood. There is no decay of the weights (1e-5 in the code).
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor
 
 from pcsr import Objective, Upsampling
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points, TouchMask, TouchPoints
+from pcsr_plugins.layers.options import Weight
 from pcsr_plugins.objectives.terms import hinge_repulsion
 
 WEIGHTS = (0.01, 0.1, 0.5, 1.0)
@@ -27,7 +31,13 @@ class DisPU(Objective):
 
     counted: Tensor
 
-    def __init__(self, *, distance_weight: float = 1000.0, repulsion_weight: float = 1.0, ramp: int = 8570) -> None:
+    def __init__(
+        self,
+        *,
+        distance_weight: Weight = 1000.0,
+        repulsion_weight: Weight = 1.0,
+        ramp: Annotated[int, Field(ge=1, le=1_000_000_000)] = 8570,
+    ) -> None:
         super().__init__()
         self.distance_weight = distance_weight
         self.repulsion_weight = repulsion_weight

@@ -5,8 +5,11 @@ CVPR 2023, Sec. 3.3. Places are the interpolated points with noise of 0.02 radii
 compared with the distance to the nearest point of the truth: L1, summed over the places, averaged over the batch.
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor
 
 from pcsr import Objective, Upsampling, UserError
@@ -23,7 +26,7 @@ class GradPU(Objective):
     """Batches so far: the noise follows from it alone, and it is kept with the weights, so a run that stopped and went
     on has the noise of one that never stopped."""
 
-    def __init__(self, *, sigma: float = 0.02) -> None:
+    def __init__(self, *, sigma: Annotated[float, Field(ge=0, le=1e6)] = 0.02) -> None:
         super().__init__()
         self.sigma = sigma
         self.register_buffer("calls", torch.zeros((), dtype=torch.int64))

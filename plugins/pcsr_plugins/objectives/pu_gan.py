@@ -24,6 +24,7 @@ from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points
+from pcsr_plugins.layers.options import Weight
 from pcsr_plugins.layers.self_attention import SelfAttention
 from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance
 
@@ -39,15 +40,16 @@ class PuGan(Objective):
     """Trains a network and its discriminator in one step; `fidelity: chamfer` for clouds too large to be matched."""
 
     pace: ClassVar[float] = 0.1
+    needs = frozenset({"ot"})
 
     def __init__(
         self,
         *,
         fidelity: Literal["emd", "chamfer"] = "emd",
-        fidelity_weight: float = 100.0,
-        uniform_weight: float = 10.0,
-        repulsion_weight: float = 1.0,
-        adversarial_weight: float = 0.5,
+        fidelity_weight: Weight = 100.0,
+        uniform_weight: Weight = 10.0,
+        repulsion_weight: Weight = 1.0,
+        adversarial_weight: Weight = 0.5,
     ) -> None:
         super().__init__()
         self.fidelity = fidelity

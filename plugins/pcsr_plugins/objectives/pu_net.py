@@ -12,20 +12,23 @@ from torch import Tensor
 
 from pcsr import Objective
 from pcsr.metrics.chamfer import chamfer
+from pcsr_plugins.layers.options import Positive, Weight
 from pcsr_plugins.objectives.terms import matched_distance, repulsion
 
 
 class PUNetLoss(Objective):
     """Fidelity and repulsion. Matching is slow in whole clouds: `fidelity: chamfer` is for those."""
 
+    needs = frozenset({"ot"})
+
     def __init__(
         self,
         *,
         fidelity: Literal["emd", "chamfer"] = "emd",
-        weight: float = 100.0,
-        repulsion: float = 1.0,
-        radius: float = 0.07,
-        width: float = 0.03,
+        weight: Weight = 100.0,
+        repulsion: Weight = 1.0,
+        radius: Positive = 0.07,
+        width: Positive = 0.03,
     ) -> None:
         super().__init__()
         self.fidelity = fidelity

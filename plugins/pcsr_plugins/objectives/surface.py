@@ -20,6 +20,7 @@ from pcsr.geometry.neighbours import gather, knn
 from pcsr.metrics.nearest import nearest
 from pcsr.tensors import Points
 from pcsr_plugins.layers.frames import plane
+from pcsr_plugins.layers.options import Weight
 
 AROUND = 8
 """True points that a plane is fitted to, besides the nearest."""
@@ -28,7 +29,7 @@ AROUND = 8
 class Surface(Objective):
     """How well the truth is covered, and how far off its planes, and off all of it, the new points are."""
 
-    def __init__(self, *, surface: float = 2.0, stray: float = 10.0) -> None:
+    def __init__(self, *, surface: Weight = 2.0, stray: Weight = 10.0) -> None:
         """Choose what counts how much, beside a weight of 1 for the coverage.
 
         Args:

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from pcsr import UserError
+from pcsr.extras import imported
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.metrics.nearest import require_finite
 from pcsr.tensors import Points
@@ -31,7 +32,7 @@ def matched_distance(
         squared: the cost is the squared distance, in the square of the coordinates' unit.
 
     Raises:
-        UserError: the clouds differ in size.
+        UserError: the clouds differ in size, or the extra `[train]` is not installed.
         RunError: a cloud is empty, or a coordinate is not finite.
     """
     if prediction.shape[1] != target.shape[1]:
@@ -53,8 +54,7 @@ def _matching(cost: Float[Tensor, "n n"]) -> Int[Tensor, " n"]:
 
     scipy's takes several times as long where clouds lie far off, as those of an untrained network do.
     """
-    import ot  # takes a second
-
+    ot = imported("ot", "one-to-one matching")  # takes a second
     plan = ot.emd([], [], cost.numpy(), numItermax=PIVOTS)
     return torch.from_numpy(plan.argmax(1))
 

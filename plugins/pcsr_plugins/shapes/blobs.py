@@ -3,12 +3,15 @@
 What `cad-parts` has none of: free-form surfaces, limbs, dents, soft detail. Lengths are millimetres.
 """
 
-from manifold3d import Manifold
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from pcsr_plugins.shapes.bodies import animals, figures, fruit, growths, rings, vessels
-from pcsr_plugins.shapes.bodies.isosurface import solid_of
 from pcsr_plugins.shapes.families.draw import Draw
 from pcsr_plugins.shapes.generated import Generated, by_name
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 FAMILIES = by_name(
     *(animals.bird, animals.fish, animals.quadruped, animals.seated_animal, animals.tortoise),
@@ -25,8 +28,14 @@ class Blobs(Generated):
 
     version = 1
     title = "blobs"
-    families = FAMILIES
 
-    def solid(self, family: str, draw: Draw) -> Manifold:
+    @property
+    def families(self) -> Mapping[str, Callable[[Draw], Any]]:
+        """Smooth bodies."""
+        return FAMILIES
+
+    def solid(self, family: str, draw: Draw) -> "Manifold":
         """A body of a family."""
+        from pcsr_plugins.shapes.bodies.isosurface import solid_of
+
         return solid_of(FAMILIES[family](draw))

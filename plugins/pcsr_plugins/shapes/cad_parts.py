@@ -4,35 +4,14 @@ The embedded stand-in for the ABC objects of TSR-PD (TAPSR, Sec. 4.1). Lengths a
 beside real parts is in docs/shapes.md.
 """
 
-from manifold3d import Manifold
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from pcsr_plugins.shapes.families import (
-    blocks,
-    fasteners,
-    moulded,
-    pipes,
-    plates,
-    stock,
-    toothed,
-    turned_parts,
-)
 from pcsr_plugins.shapes.families.draw import Draw
-from pcsr_plugins.shapes.generated import Generated, by_name
+from pcsr_plugins.shapes.generated import Generated
 
-FAMILIES = by_name(
-    *(plates.adapter, plates.bracket, plates.buckle, plates.flange, plates.gasket, plates.hinge),
-    *(plates.plate, plates.sheet_bracket),
-    *(blocks.arch, blocks.clamp, blocks.heat_sink, blocks.housing, blocks.joint, blocks.lever),
-    *(blocks.machined_block, blocks.manifold_block, blocks.pillow_block),
-    *(fasteners.bolt, fasteners.chain_link, fasteners.clip, fasteners.hook, fasteners.nut),
-    *(fasteners.spring, fasteners.stand_off),
-    *(moulded.pad, moulded.spanner, moulded.tray),
-    *(pipes.duct, pipes.elbow, pipes.tee, pipes.valve),
-    *(stock.circlip, stock.profile, stock.rod, stock.washer),
-    *(toothed.cam, toothed.gear, toothed.impeller, toothed.ratchet, toothed.sprocket),
-    *(turned_parts.bearing, turned_parts.bushing, turned_parts.handwheel, turned_parts.knob),
-    *(turned_parts.lamp_post, turned_parts.nozzle, turned_parts.pulley, turned_parts.shaft),
-)
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 
 class CadParts(Generated):
@@ -40,8 +19,15 @@ class CadParts(Generated):
 
     version = 1
     title = "cad-parts"
-    families = FAMILIES
 
-    def solid(self, family: str, draw: Draw) -> Manifold:
+    @property
+    def families(self) -> Mapping[str, Callable[[Draw], Any]]:
+        """Mechanical parts."""
+        from pcsr_plugins.shapes.families.catalogue import FAMILIES
+
+        return FAMILIES
+
+    def solid(self, family: str, draw: Draw) -> "Manifold":
         """A part of a family."""
-        return FAMILIES[family](draw)
+        solid: Manifold = self.families[family](draw)
+        return solid

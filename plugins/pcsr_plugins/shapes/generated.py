@@ -2,15 +2,17 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
-from manifold3d import Manifold
 from pydantic import Field
 
 from pcsr import Item, Shapes, UserError
+from pcsr.extras import require
 from pcsr_plugins.shapes.families.draw import SPLITS, Draw
 from pcsr_plugins.shapes.soundness import check_mesh
-from pcsr_plugins.shapes.surfaces import surface_of
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 T = TypeVar("T")
 Count = Annotated[int, Field(le=1_000_000)]
@@ -26,12 +28,14 @@ def by_name(*functions: Callable[[Draw], T]) -> dict[str, Callable[[Draw], T]]:
 
 
 class Generated(Shapes):
-    """Families of objects in turn, each object of a family different. Lengths are mm. A source adds `solid`."""
+    """Families of objects in turn, each object of a family different. Lengths are mm.
 
+    A source adds `families` and `solid`.
+    """
+
+    needs = frozenset({"manifold3d"})
     title: ClassVar[str]
     """What messages call the source: the name it is registered by."""
-    families: ClassVar[Mapping[str, Callable[[Draw], Any]]]
-    """By name, in the order in which they take turns."""
 
     def __init__(self, *, count: Count = 1600, held_out: Count = 96, seed: Seed = 0) -> None:
         """Choose how many.
@@ -42,12 +46,18 @@ class Generated(Shapes):
             seed: another seed, other objects.
 
         Raises:
-            UserError: a number of objects is negative.
+            UserError: a number of objects is negative, or the extra `[simulate]` is not installed.
         """
+        require(dict.fromkeys(self.needs, f"shapes '{self.title}'"))
         if min(count, held_out) < 0:
             raise UserError(f"{self.title}: count {count} and held_out {held_out} must not be negative")
         self.counts = {"train": count, "validation": held_out, "test": held_out}
         self.seed = seed
+
+    @property
+    def families(self) -> Mapping[str, Callable[[Draw], Any]]:
+        """By name, in the order in which they take turns."""
+        raise NotImplementedError
 
     def names(self, split: str) -> Sequence[str]:
         """``split/family/number``, families in turn.
@@ -74,13 +84,15 @@ class Generated(Shapes):
             raise UserError(
                 f"{self.title} has no object '{name}' among {self.counts[split]} of '{split}': ask for more"
             )
+        from pcsr_plugins.shapes.surfaces import surface_of  # imports manifold3d
+
         for attempt in range(ATTEMPTS):
             mesh = surface_of(self.solid(family, Draw(split, _seed(self.seed, name, attempt))))
             if mesh is not None:
                 return Item(name, family, check_mesh(mesh, name))
         raise UserError(f"{self.title} could not make '{name}' in one piece with seed {self.seed}: take another seed")
 
-    def solid(self, family: str, draw: Draw) -> Manifold:
+    def solid(self, family: str, draw: Draw) -> "Manifold":
         """An object of a family; one that is in pieces or empty is drawn again."""
         raise NotImplementedError
 

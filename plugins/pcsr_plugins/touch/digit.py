@@ -41,6 +41,8 @@ class Digit(TouchSource):
     object: the sensor looks along -z.
     """
 
+    needs = frozenset({"embreex"})
+
     def __init__(
         self,
         *,

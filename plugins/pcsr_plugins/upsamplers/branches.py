@@ -14,6 +14,7 @@ from torch.nn import functional as F
 
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.options import Channels
 
 
 class Branches(Upsampler):
@@ -25,8 +26,8 @@ class Branches(Upsampler):
         self,
         widths: Widths,
         *,
-        channels: tuple[int, int] = (256, 128),
-        hidden: int = 64,
+        channels: tuple[Channels, Channels] = (256, 128),
+        hidden: Channels = 64,
         chained: bool = False,
     ) -> None:
         super().__init__()

@@ -12,9 +12,11 @@ code takes for the field's 2048 points: 24 patches that are interpolated to 1024
 """
 
 import itertools
+from typing import Annotated
 
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -23,6 +25,7 @@ from pcsr.geometry.neighbours import gather
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.options import Cascade, Positive
 from pcsr_plugins.upsamplers.midpoint import interpolated
 
 STEP = 50 / (24 * 1024)
@@ -40,10 +43,10 @@ class Descent(Upsampler):
         self,
         widths: Widths,
         *,
-        hidden: tuple[int, ...] = (64, 32, 16),
-        iterations: int = 10,
-        step: float = STEP,
-        farthest: float = 0.2,
+        hidden: Cascade = (64, 32, 16),
+        iterations: Annotated[int, Field(ge=1, le=1000)] = 10,
+        step: Positive = STEP,
+        farthest: Positive = 0.2,
     ) -> None:
         super().__init__()
         self.iterations = iterations

@@ -6,8 +6,11 @@ one is a PointConv (Wu et al., CVPR 2019). The coarse cloud holds coordinates th
 there is at most `reach` along each axis.
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -15,6 +18,7 @@ from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn, neighbour_max
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.grid import grid
+from pcsr_plugins.layers.options import Positive
 
 HIDDEN = (256, 64)
 """Channels before the coordinates, of the coarse cloud as of the ways."""
@@ -26,7 +30,14 @@ class DisPU(Upsampler):
     traits = frozenset({Trait.POINT_ORDER_FREE})
     grid: Tensor
 
-    def __init__(self, widths: Widths, *, channels: int = 128, neighbours: int = 16, reach: float = 0.5) -> None:
+    def __init__(
+        self,
+        widths: Widths,
+        *,
+        channels: Annotated[int, Field(ge=2, le=512)] = 128,
+        neighbours: Annotated[int, Field(ge=1, le=64)] = 16,
+        reach: Positive = 0.5,
+    ) -> None:
         super().__init__()
         self.rate = widths.rate
         self.reach = reach

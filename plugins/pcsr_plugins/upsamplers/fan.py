@@ -9,10 +9,11 @@ rate and every way that a cloud is turned. Before training it moves nothing: the
 """
 
 import math
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import torch
 from jaxtyping import Int, Shaped
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -20,6 +21,7 @@ from pcsr import Trait, Upsampler, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.frames import SCALARS, Frames
+from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 FARTHEST = 0.45
 """The share of the way at which the outermost places of an untrained one lie: the neighbour's are beyond half."""
@@ -32,7 +34,13 @@ class Fan(Upsampler):
     at_once: ClassVar[int | None] = 8
 
     def __init__(
-        self, widths: Widths, *, hidden: int = 64, spokes: int = 8, surplus: float = 2.0, neighbours: int = 16
+        self,
+        widths: Widths,
+        *,
+        hidden: Channels = 64,
+        spokes: Annotated[int, Field(ge=1, le=64)] = 8,
+        surplus: Annotated[float, Field(ge=1, le=64)] = 2.0,
+        neighbours: NeighbourCount = 16,
     ) -> None:
         """Choose how many places there are.
 

@@ -21,6 +21,7 @@ from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.geometry.sampling import poisson_subset
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.options import Channels
 
 SPACED = 8
 """Neighbours whose mean distance is the spacing of the points."""
@@ -35,7 +36,7 @@ class Midpoint(Upsampler):
 
     traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
 
-    def __init__(self, widths: Widths, *, hidden: int = 64) -> None:
+    def __init__(self, widths: Widths, *, hidden: Channels = 64) -> None:
         super().__init__()
         self.carried = nn.Linear(widths.refined, hidden)
         self.placed = nn.Linear(4, hidden, bias=False)

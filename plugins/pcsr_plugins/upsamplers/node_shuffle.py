@@ -5,12 +5,16 @@ each point's features r times, on the graph of the 20 nearest points in space; a
 points; an MLP predicts the way of each from the input point.
 """
 
+from typing import Annotated
+
+from pydantic import Field
 from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.edge_conv import EdgeConv, graph
+from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
 class NodeShuffle(Upsampler):
@@ -18,7 +22,14 @@ class NodeShuffle(Upsampler):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 64, hidden: int = 32, neighbours: int = 20) -> None:
+    def __init__(
+        self,
+        widths: Widths,
+        *,
+        channels: Annotated[int, Field(ge=1, le=512)] = 64,
+        hidden: Channels = 32,
+        neighbours: NeighbourCount = 20,
+    ) -> None:
         super().__init__()
         self.rate = widths.rate
         self.neighbours = neighbours

@@ -18,10 +18,11 @@ second level of a patch of 256 points has 512.
 """
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 import torch
 from jaxtyping import Float, Int
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -31,6 +32,7 @@ from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
 from pcsr_plugins.encoders.linear import Linear
 from pcsr_plugins.layers.grid import EXTENT, grid
+from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 Rows = Float[Tensor, "b q c"]
 
@@ -45,11 +47,11 @@ class Progressive(Upsampler):
         widths: Widths,
         *,
         step: Literal[2, 4] = 2,
-        encoded: int = 24,
-        growth: int = 12,
-        neighbours: int = 16,
-        nearby: int = 5,
-        share: float = 0.2,
+        encoded: Channels = 24,
+        growth: Channels = 12,
+        neighbours: NeighbourCount = 16,
+        nearby: NeighbourCount = 5,
+        share: Annotated[float, Field(ge=0, le=1e6)] = 0.2,
     ) -> None:
         super().__init__()
         levels = round(math.log(widths.rate, step)) if widths.rate > 1 else 0

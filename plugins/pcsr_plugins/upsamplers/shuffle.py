@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.options import Channels
 
 SPOKES = 8
 """Neighbours that new points start towards."""
@@ -27,7 +28,7 @@ class Shuffle(Upsampler):
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
     def __init__(
-        self, widths: Widths, *, hidden: int = 64, start: Literal["origin", "point", "neighbours"] = "origin"
+        self, widths: Widths, *, hidden: Channels = 64, start: Literal["origin", "point", "neighbours"] = "origin"
     ) -> None:
         super().__init__()
         self.rate = widths.rate

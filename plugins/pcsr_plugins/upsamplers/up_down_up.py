@@ -10,14 +10,18 @@ Li et al., "PU-GAN: a Point Cloud Upsampling Adversarial Network", ICCV 2019, Se
 As in the original's code it makes more points than wanted, 6n for a rate of 4; the network keeps the farthest 4n.
 """
 
+from typing import Annotated
+
 import torch
 from jaxtyping import Float
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.grid import grid
+from pcsr_plugins.layers.options import QuarteredChannels
 from pcsr_plugins.layers.self_attention import SelfAttention
 
 HIDDEN = 64
@@ -29,7 +33,9 @@ class UpDownUp(Upsampler):
 
     traits = frozenset({Trait.POINT_ORDER_FREE})
 
-    def __init__(self, widths: Widths, *, channels: int = 128, surplus: int = 2) -> None:
+    def __init__(
+        self, widths: Widths, *, channels: QuarteredChannels = 128, surplus: Annotated[int, Field(ge=0, le=16)] = 2
+    ) -> None:
         super().__init__()
         self.rate = widths.rate
         copies = widths.rate + surplus

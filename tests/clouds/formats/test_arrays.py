@@ -100,8 +100,8 @@ def test_names_that_numpy_itself_stumbles_over_are_columns(tmp_path):
         ({"points": np.zeros(3)}, r"shape \(3,\)"),
         ({"points": POINTS.astype(complex)}, "holds complex128: points are real numbers"),
         ({"points": POINTS.astype(bool)}, "holds bool"),
-        ({"points": POINTS.astype(object)}, "cannot be read as a .npz cloud: .*allow_pickle"),
-        ({"points": POINTS, "any": np.array([{}, {}])}, "cannot be read as a .npz cloud: .*allow_pickle"),
+        ({"points": POINTS.astype(object)}, "holds items of dtype object"),
+        ({"points": POINTS, "any": np.array([{}, {}])}, "holds items of dtype object"),
         ({}, "holds 0 arrays, none of them 'points': none is known"),
     ],
 )

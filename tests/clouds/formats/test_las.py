@@ -20,7 +20,7 @@ def test_without_laspy_the_remedy_is_named(monkeypatch, tmp_path):
         lambda: cloud_bytes(Cloud(POINTS), ".laz"),
         lambda: writable(tmp_path / "a.las"),
     ):
-        with pytest.raises(UserError, match=r"need laspy, which is not installed: pip install 'pcsr\[las\]'"):
+        with pytest.raises(UserError, match=r"LAS needs laspy, which is not installed: pip install 'pcsr\[las\]'"):
             use()
 
 

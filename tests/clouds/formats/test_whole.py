@@ -187,7 +187,7 @@ def test_a_file_of_another_kind_than_its_suffix_says_is_named(suffix, claimed):
 
 
 def test_text_that_is_called_a_ply_is_named():
-    with pytest.raises(UserError, match="it does not begin with the line 'ply'"):
+    with pytest.raises(UserError, match="it does not begin with 'ply'"):
         read_cloud_bytes(b"1 2 3\n", ".ply", "it")
 
 

@@ -8,7 +8,8 @@ import pytest
 from manifold3d import Manifold
 
 from pcsr import UserError
-from pcsr_plugins.shapes.cad_parts import FAMILIES, CadParts
+from pcsr_plugins.shapes.cad_parts import CadParts
+from pcsr_plugins.shapes.families.catalogue import FAMILIES
 from pcsr_plugins.shapes.surfaces import FLATTEST, GRID
 
 FINGERPRINTS = Path(__file__).with_name("fingerprints.json")

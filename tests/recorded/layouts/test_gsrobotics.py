@@ -83,7 +83,7 @@ def test_a_damaged_cloud_is_left_out(tmp_path):
     (tmp_path / "pc_2.pcd").write_text("noise")
     recording = say(tmp_path, poses={"1": STILL, "2": STILL})
     assert recording.names == ["pc_1.pcd"]
-    assert "pc_2.pcd cannot be read as a .pcd cloud" in recording.skipped["pc_2.pcd"]
+    assert "pc_2.pcd: it cannot be read as a .pcd cloud" in recording.skipped["pc_2.pcd"]
 
 
 def test_a_folder_without_clouds_is_refused(tmp_path):
@@ -98,5 +98,5 @@ def test_what_nobody_can_guess_must_be_said(tmp_path, key):
 
 
 def test_a_mistake_in_a_pose_is_named_with_its_number(tmp_path):
-    with pytest.raises(UserError, match=r"layout\.poses\.4\.order: input should be 'xyzw' or 'wxyz', got 'xyz'"):
+    with pytest.raises(UserError, match=r"layout\.poses\.4\.order: it must be 'xyzw' or 'wxyz', got 'xyz'"):
         say(tmp_path, poses={"4": STILL | {"order": "xyz"}})

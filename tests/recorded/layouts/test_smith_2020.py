@@ -130,5 +130,5 @@ def test_what_is_no_grasp_is_left_out(tmp_path, data, reason):
 def test_a_folder_without_grasps_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"holds no <grasp>\.npy: give the folder of one object"):
         say(tmp_path)
-    with pytest.raises(UserError, match=r"layout\.per: input should be 'grasp' or 'finger', got 'hand'"):
+    with pytest.raises(UserError, match=r"layout\.per: it must be 'grasp' or 'finger', got 'hand'"):
         say(tmp_path, per="hand")

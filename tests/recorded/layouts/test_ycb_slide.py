@@ -156,8 +156,8 @@ def test_contact_is_counted_from_the_background(real):
         ({"kind": "real", "heights": "h", "masks": "m", "background": "b"}, "background serves contact_above"),
         ({"alignment": "a"}, "a simulated slide has its own heights and masks: leave out alignment"),
         ({"heights": "h"}, "a simulated slide has its own heights and masks: leave out heights"),
-        ({"kind": "virtual"}, "layout.kind: input should be 'simulated' or 'real', got 'virtual'"),
-        ({"every": 0}, "layout.every: input should be greater than or equal to 1, got 0"),
+        ({"kind": "virtual"}, "layout.kind: it must be 'simulated' or 'real', got 'virtual'"),
+        ({"every": 0}, "layout.every: it must be 1 or more, got 0"),
         ({"kind": "real", "heights": "../h", "masks": "m"}, "file '../h/frame_0000000.jpg' is not inside"),
     ],
 )
