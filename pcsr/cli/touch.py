@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("mesh", type=FILE)
 @click.option("-o", "--out", "folder", required=True, type=FILE, metavar="DIR", help="Where to put the recording.")
-@click.option("--count", type=click.IntRange(1, 10_000), default=5, show_default=True, help="Touches.")
+@click.option("--count", type=click.IntRange(1, 2000), default=5, show_default=True, help="Touches.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Another seed, other touches.")
 @click.option("--sensor", default=None, metavar="NAME", help="A preset, such as digit or gelsight-mini.")
 @click.option("--policy", default=None, metavar="NAME", help="Where to touch: uniform, spread, sparse or grasp.")
@@ -86,10 +86,10 @@ def touch(
     touches = feeler.touches(item, seen, count, seed)
     if len(touches) != count:
         raise UserError(f"{mesh}: touch '{source}' gave {len(touches)} touches where {count} were asked for")
-    write(folder, touches, overwrite=overwrite)
     areas = [one.contact_area for one in touches if one.contact_area is not None]
     felt = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
     length = item.mesh.extents.max() * touches[0].unit
+    write(folder, touches, overwrite=overwrite)  # last, so that nothing is left of a command that was stopped before
     click.echo(
         f"{folder}: {count} touches of {mesh.name} ({length:.4g} mm long) by {touches[0].sensor}, "
         f"{len(touches[0].points)} points each"

@@ -92,17 +92,29 @@ def coverage(touches: Sequence[Touch], area: float) -> float:
     Raises:
         UserError: the contact area of a touch is unknown.
     """
+    areas = np.array([_area(touch, index) for index, touch in enumerate(touches)])
+    # A disc about each point, four times its share of the contact: gaps between points are rarer than 2 %, and the
+    # contact grows by little.
+    radii = [np.sqrt(4 * a / (np.pi * len(t.points))) / t.unit for a, t in zip(areas, touches, strict=True)]
+    low = np.array([touch.points.min(0) - radius for touch, radius in zip(touches, radii, strict=True)])
+    high = np.array([touch.points.max(0) + radius for touch, radius in zip(touches, radii, strict=True)])
+    trees: dict[int, KDTree] = {}
     felt = 0.0
     for index, touch in enumerate(touches):
-        new = np.ones(len(touch.points), bool)
-        for earlier in touches[:index]:
-            # A disc about each of its points, four times its share of the contact: gaps between points are
-            # rarer than 2 %, and the contact grows by little.
-            radius = np.sqrt(4 * _area(earlier, index) / (np.pi * len(earlier.points))) / earlier.unit
-            distance, _ = KDTree(earlier.points).query(touch.points, distance_upper_bound=radius)
-            new &= ~np.isfinite(distance)
-        felt += _area(touch, index) / touch.unit**2 * float(new.mean())
-    return min(1.0, felt / area)
+        new = touch.points
+        over = (low[:index] <= new.max(0)) & (high[:index] >= new.min(0))
+        near = np.flatnonzero(over.all(1))
+        # The nearest first: they are the likeliest to leave nothing new, and then the others need not be asked.
+        middles = (low[near] + high[near]) / 2
+        for earlier in near[np.argsort(np.linalg.norm(middles - new.mean(0), axis=1), kind="stable")].tolist():
+            if earlier not in trees:
+                trees[earlier] = KDTree(touches[earlier].points)
+            distance, _ = trees[earlier].query(new, distance_upper_bound=radii[earlier])
+            new = new[~np.isfinite(distance)]
+            if len(new) == 0:
+                break
+        felt += areas[index] / touch.unit**2 * len(new) / len(touch.points)
+    return float(min(1.0, felt / area))
 
 
 def _area(touch: Touch, index: int) -> float:

@@ -67,7 +67,13 @@ def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed:
             f"{item.name}: its touch source gave {[len(touch.points) for touch in felt]} points, "
             f"where {touches} touches of one size were asked for"
         )
-    sphere = UnitSphere.fit(truth)
+    with np.errstate(all="ignore"):
+        sphere = UnitSphere.fit(truth)
+    if not (np.isfinite(sphere.radius) and sphere.radius > 0):
+        raise UserError(
+            f"{item.name}: its size, {np.ptp(truth, axis=0).max():.3g}, is beyond what numbers of 64 bits can be "
+            f"squared to: scale it"
+        )
     surface = KDTree(truth)
     for number, touch in enumerate(felt):
         finite = bool(np.isfinite(touch.points).all())

@@ -10,6 +10,8 @@ from pcsr.recipe import View
 
 FINER = 3
 """How often the image may be made twice as fine before an object is given up as too thin."""
+FINEST = 4096
+"""Pixels along each side that an image is made finer to."""
 MARGIN = 1.02
 """The image is a little wider than the object."""
 
@@ -35,8 +37,9 @@ def seen_points(
     radius = float(np.linalg.norm(corners - middle, axis=1).max())
     directions = _directions(view.cameras, rng)
     yaws = rng.uniform(0, 2 * np.pi, len(directions))
-    for finer in range(FINER + 1):
-        grid = _grid(view.pixels * 2**finer, view.distance)
+    sides = [view.pixels * 2**finer for finer in range(FINER + 1)]
+    for side in [side for side in sides if side <= max(view.pixels, FINEST)]:
+        grid = _grid(side, view.distance)
         clouds = []
         for direction, yaw in zip(directions, yaws, strict=True):
             axes = _axes(direction, yaw)
@@ -51,7 +54,7 @@ def seen_points(
             drawn: Float[np.ndarray, "count 3"] = seen[rng.choice(len(seen), count, replace=False)]
             return drawn
     raise UserError(
-        f"{name}: {view.cameras} cameras of {view.pixels * 2**FINER} pixels a side see {len(seen)} points of it, "
+        f"{name}: {view.cameras} cameras of {side} pixels a side see {len(seen)} points of it, "
         f"not {count}: it is too thin; raise data.view.pixels or data.view.cameras, or leave it out"
     )
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pcsr.errors import UserError, did_you_mean
 from pcsr.mistakes import explained, shown
 from pcsr.recipe.compose import MODEL, PARTS, merge
-from pcsr.recipe.schema import DEFAULTS, Evaluate, Recipe, options_model
+from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.registry import Registry
 
@@ -194,12 +194,29 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
             if name in names[:index]:
                 text = f"{section}.{key}: '{name}' is there already: remove one of the two"
                 found.append(Mistake(source.place((section, key, index)), text))
+    found += _too_large(source, recipe)
     if recipe.patches:
         found += _of_patches(source, recipe)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).hears_features:
         text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
         found.append(Mistake(source.place(("model", "touch_encoder")), text))
+    return found
+
+
+def _too_large(source: Source, recipe: Recipe) -> list[Mistake]:
+    """Sizes of the data that have a limit together."""
+    data, view, found = recipe.data, recipe.data.view, []
+    truth, rays = data.points * data.rate, view.cameras * view.pixels**2
+    if truth > MOST_TRUTH:
+        text = f"data.points × data.rate are {truth} points of an object, more than {MOST_TRUTH}: lower one of them"
+        found.append(Mistake(source.place(("data", "points")), text))
+    if rays > MOST_RAYS:
+        text = (
+            f"data.view: {view.cameras} cameras of {view.pixels} × {view.pixels} pixels are {rays} lines of sight, "
+            f"more than {MOST_RAYS}: lower cameras or pixels"
+        )
+        found.append(Mistake(source.place(("data", "view")), text))
     return found
 
 

@@ -16,6 +16,11 @@ NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 """YAML has lists only; a value that must not change is a tuple."""
 
+MOST_TRUTH = 1 << 20
+"""Points of an object's truth: a minute and 2 GB for each object."""
+MOST_RAYS = 1 << 24
+"""Lines of sight of all depth cameras on an object: a minute and 2 GB."""
+
 
 class Section(BaseModel):
     """A part of a recipe that knows its keys: an unknown one is a mistake."""
@@ -45,7 +50,7 @@ class View(Section):
     """Places that the object is seen from, drawn for each object; what none of them sees is missing."""
     noise: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Standard deviation along the line of sight, in radii of the object."""
-    distance: Annotated[float, Field(gt=1)] = 3.0
+    distance: Annotated[float, Field(gt=1, le=1000)] = 3.0
     """From the camera to the object's middle, in radii of the object."""
     pixels: Annotated[int, Field(ge=8, le=4096)] = 160
     """Along each side of the image, which just holds the object."""
@@ -58,7 +63,7 @@ class Data(Section):
     touch: PartSpec
     touches: Annotated[int, Field(ge=0, le=16)] = 4
     """Touches of each object at evaluation."""
-    points: Annotated[int, Field(ge=16)] = 512
+    points: Annotated[int, Field(ge=16, le=MOST_TRUTH)] = 512
     """Points of the sparse cloud."""
     rate: Annotated[int, Field(ge=1, le=64)] = 16
     """Points of the truth for each of them."""

@@ -61,12 +61,19 @@ def write(
             inside(folder, file).unlink(missing_ok=True)
     except OSError as error:
         raise RunError(f"{folder}: the old recording cannot be replaced: {error.strerror or error}") from error
-    for file, array in clouds.items():
-        if file.endswith(".ply"):
-            write_points(folder / file, array)
-        else:
-            _write_array(folder / file, array)
-    write_text(manifest, text)
+    written: list[Path] = []
+    try:
+        for file, array in clouds.items():
+            written.append(folder / file)
+            if file.endswith(".ply"):
+                write_points(folder / file, array)
+            else:
+                _write_array(folder / file, array)
+        write_text(manifest, text)
+    except BaseException:  # a full disk as well as Ctrl-C: half a recording is of no use
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise
 
 
 def _files_of(manifest: Path) -> set[str] | None:

@@ -1,3 +1,6 @@
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -97,6 +100,33 @@ def test_coverage_is_the_area_of_the_union(corners, union, scale):
     touches = [square(x, scale=scale, seed=index) for index, x in enumerate(corners)]
     # The edge of each overlap is off by about half a millimetre.
     assert coverage(touches, 1000 * scale**2) == pytest.approx(union / 1000, abs=0.008 * max(1, len(corners) - 1))
+
+
+def test_coverage_is_that_of_every_pair_looked_at():
+    rng = np.random.default_rng(3)
+    touches = [
+        replace(
+            felt(30, unit=2.0, area=rng.uniform(20, 90), seed=n), points=rng.normal(size=(30, 3)) + rng.uniform(0, 9, 3)
+        )
+        for n in range(40)
+    ]
+    total = 0.0
+    for index, touch in enumerate(touches):
+        new = np.ones(30, bool)
+        for earlier in touches[:index]:
+            reach = np.sqrt(4 * earlier.contact_area / (np.pi * 30)) / 2
+            distances = np.linalg.norm(touch.points[:, None] - earlier.points, axis=2)
+            new &= (distances >= reach).all(1)
+        total += touch.contact_area / 4 * new.mean()
+    assert total < 0.9 * sum(touch.contact_area / 4 for touch in touches), "some must overlap"
+    assert coverage(touches, 5000.0) == pytest.approx(total / 5000, rel=1e-12)
+
+
+def test_coverage_of_many_touches_does_not_look_at_every_pair():
+    touches = [square(index % 50, count=64, seed=index) for index in range(2000)]
+    start = time.perf_counter()
+    assert 0 < coverage(touches, 1000.0) < 0.6
+    assert time.perf_counter() - start < 10, "two million pairs take minutes"
 
 
 def test_coverage_never_exceeds_the_whole():

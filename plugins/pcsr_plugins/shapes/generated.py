@@ -2,7 +2,9 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+
+from pydantic import Field
 
 from pcsr import Item, Shapes, UserError
 from pcsr.extras import require
@@ -13,6 +15,8 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 T = TypeVar("T")
+Count = Annotated[int, Field(le=1_000_000)]
+Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 
 ATTEMPTS = 20
 """Draws tried for an object: some make one that falls apart, by a hole through its edge for example."""
@@ -33,7 +37,7 @@ class Generated(Shapes):
     title: ClassVar[str]
     """What messages call the source: the name it is registered by."""
 
-    def __init__(self, *, count: int = 1600, held_out: int = 96, seed: int = 0) -> None:
+    def __init__(self, *, count: Count = 1600, held_out: Count = 96, seed: Seed = 0) -> None:
         """Choose how many.
 
         Args:

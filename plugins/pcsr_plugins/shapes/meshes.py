@@ -3,9 +3,11 @@
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
+from typing import Annotated
 
 import numpy as np
 import trimesh
+from pydantic import Field
 
 from pcsr import Item, Shapes, UserError
 from pcsr_plugins.shapes.soundness import check_mesh
@@ -32,7 +34,7 @@ class Meshes(Shapes):
         table: str | None = None,
         validation: float = 0.1,
         test: float = 0.1,
-        seed: int = 0,
+        seed: Annotated[int, Field(ge=-(2**63), lt=2**63)] = 0,
     ) -> None:
         """Look at nothing but the table and whether the folder is there.
 

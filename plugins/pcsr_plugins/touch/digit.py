@@ -17,10 +17,20 @@ from pcsr_plugins.touch.noise import Noise
 from pcsr_plugins.touch.policies import Policy
 from pcsr_plugins.touch.press import CONTACT, Finger
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Count = Annotated[int, Field(ge=1)]
+# Limits that no sensor meets: what is beyond them would run on or take all memory.
+Side = Annotated[float, Field(ge=0.01, le=1000)]
+Length = Annotated[float, Field(gt=0, le=1000)]
+Depth = Annotated[float, Field(ge=0, le=1000)]
+Radius = Annotated[float, Field(gt=0, le=1e6)]
+Size = Annotated[float, Field(gt=0, le=1e9)]
+Area = Annotated[float, Field(gt=0, le=1e6)]
+Pixels = Annotated[int, Field(ge=1, le=4096)]
+Count = Annotated[int, Field(ge=1, le=1 << 20)]
+Tries = Annotated[int, Field(ge=1, le=10_000)]
+Tilt = Annotated[float, Field(ge=0, le=180)]
 Angle = Annotated[float, Field(gt=0, lt=180)]
+MOST_FELT = 1 << 22
+"""Points of all touches of an object."""
 
 
 class Digit(TouchSource):
@@ -36,34 +46,34 @@ class Digit(TouchSource):
     def __init__(
         self,
         *,
-        object_size: Positive | None = 60.0,
+        object_size: Size | None = 60.0,
         sensor: Literal["digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021"] = "digit",
         projection: Literal["orthographic", "perspective"] | None = None,
-        width: Positive | None = None,
-        height: Positive | None = None,
-        pixels: Count | None = None,
+        width: Side | None = None,
+        height: Side | None = None,
+        pixels: Pixels | None = None,
         fov: Angle | None = None,
-        distance: Positive | None = None,
-        dome: tuple[Positive, Positive] | Literal["flat"] | None = None,
-        housing: tuple[Positive, Positive] | None = None,
-        protrusion: NotNegative | None = None,
+        distance: Length | None = None,
+        dome: tuple[Radius, Radius] | Literal["flat"] | None = None,
+        housing: tuple[Side, Side] | None = None,
+        protrusion: Depth | None = None,
         senses: Literal["pressure", "proximity"] | None = None,
-        reach: Positive | None = None,
+        reach: Length | None = None,
         points: Count = 512,
         at_least: Count = 1000,
-        at_least_area: Positive | None = None,
-        press: tuple[Positive, Positive] = (0.5, 1.5),
-        tilt: NotNegative = 5.0,
+        at_least_area: Area | None = None,
+        press: tuple[Length, Length] = (0.5, 1.5),
+        tilt: Tilt = 5.0,
         policy: Policy = "uniform",
-        spacing: Positive = 20.0,
-        blur: NotNegative = 0.0,
-        drift: NotNegative = 0.0,
-        drift_length: Positive = 4.0,
-        depth_noise: NotNegative = 0.02,
-        quantum: NotNegative = 0.0,
-        position_noise: NotNegative = 0.0,
-        rotation_noise: NotNegative = 0.0,
-        tries: Count = 100,
+        spacing: Length = 20.0,
+        blur: Depth = 0.0,
+        drift: Depth = 0.0,
+        drift_length: Length = 4.0,
+        depth_noise: Depth = 0.02,
+        quantum: Depth = 0.0,
+        position_noise: Depth = 0.0,
+        rotation_noise: Tilt = 0.0,
+        tries: Tries = 100,
     ) -> None:
         """Choose the sensor and how it is used.
 
@@ -124,6 +134,11 @@ class Digit(TouchSource):
             raise UserError(f"touch 'digit': press is {press}: give the least depth first")
         if press[1] <= CONTACT[1] and self.sensor.senses == "pressure":
             raise UserError(f"touch 'digit': press is {press}, but contact begins at {CONTACT[1]} mm: press deeper")
+        if blur > max(self.sensor.width, self.sensor.height):
+            raise UserError(
+                f"touch 'digit': blur is {blur} mm, wider than the sensor's {self.sensor.width:.4g} × "
+                f"{self.sensor.height:.4g} mm: lower it"
+            )
         self.object_size = object_size
         self.hand = Hand(
             finger=Finger(self.sensor),
@@ -142,8 +157,14 @@ class Digit(TouchSource):
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
 
         Raises:
-            UserError: the mesh has no surface, is smaller than the gel, or a touch found no place in `tries`.
+            UserError: the mesh has no surface, is smaller than the gel, or a touch found no place in `tries`; too many
+                points in all.
         """
+        if count * self.hand.points > MOST_FELT:
+            raise UserError(
+                f"touch 'digit': {count} touches of {self.hand.points} points are {count * self.hand.points} points, "
+                f"more than {MOST_FELT}: take fewer touches, or lower points"
+            )
         rays = MeshRays(item.mesh, self.object_size, item.name)
         self._check_size(rays, item.name)
         seen = (cloud - rays.to_object[:3, 3]) * rays.unit

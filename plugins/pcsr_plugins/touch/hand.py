@@ -1,7 +1,7 @@
 """One touch from places to points: candidates in a policy's order, pressed, judged, felt with noise."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ from pcsr_plugins.touch.noise import Noise
 from pcsr_plugins.touch.places import Places
 from pcsr_plugins.touch.policies import OPPOSING, Policy, opposing, order
 from pcsr_plugins.touch.press import Contact, Finger
+
+AT_ONCE = 1 << 14
+"""Places whose rays are cast together: enough to be quick, few enough to need little memory."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,11 @@ class Hand:
             return "at_least", f"{self.at_least} pixels"
         return "at_least_area", f"{self.at_least_area:g} mm²"
 
-    def places(self, rays: MeshRays, rngs: Sequence[np.random.Generator]) -> list[Places]:
+    def places(self, rays: MeshRays, rngs: Sequence[np.random.Generator]) -> Iterator[Places]:
         """Where each of several touches may be tried; each has a random stream of its own."""
-        return Places.draw(rays, self.tries, self.tilt, self.press, rngs)
+        group = max(1, AT_ONCE // self.tries)
+        for start in range(0, len(rngs), group):
+            yield from Places.draw(rays, self.tries, self.tilt, self.press, rngs[start : start + group])
 
     def touch(
         self,

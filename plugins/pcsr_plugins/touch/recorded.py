@@ -20,7 +20,7 @@ class Recorded(TouchSource):
 
     places = frozenset({"folder"})
 
-    def __init__(self, *, folder: str, points: Annotated[int, Field(ge=1)] = 512) -> None:
+    def __init__(self, *, folder: str, points: Annotated[int, Field(ge=1, le=1 << 20)] = 512) -> None:
         """Look at nothing but whether the folder is there.
 
         Args:

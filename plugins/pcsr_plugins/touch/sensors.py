@@ -15,6 +15,9 @@ PERSPECTIVE = ("fov", "distance")
 ORTHOGRAPHIC = ("width", "height")
 """Figures that follow from others where the sensor is a perspective one."""
 
+MOST_PIXELS = 1 << 20
+"""Of a sensor: about so many rays are cast for each try."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -115,6 +118,11 @@ def load(name: str, **changes: Any) -> Sensor:
         rows = max(1, round(figure["height"] / (figure["width"] / across)))
     else:
         rows = max(1, round(across * rows / columns))
+    if across * rows > MOST_PIXELS:
+        raise UserError(
+            f"sensor '{name}': {across} × {rows} pixels are more than {MOST_PIXELS}: lower pixels"
+            + (", or height beside width" if figure["projection"] == "orthographic" else "")
+        )
     return Sensor(f"{name} (changed)", **_complete({**figure, "pixels": (across, rows)}))
 
 
