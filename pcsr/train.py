@@ -29,6 +29,7 @@ from pcsr.model import Network, build
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.upsample import upsample_as
+from pcsr.weights.file import read_file
 
 CHECKPOINT = "checkpoint.safetensors"
 HISTORY = "metrics.jsonl"
@@ -73,8 +74,9 @@ def train(
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
     loaders: int = LOADERS,
+    data_fingerprint: str | None = None,
 ) -> Network:
-    """Train a recipe's network, from the last checkpoint in `run` if there is one.
+    """Train a recipe's network, from the last checkpoint in `run` if there is one of the same data.
 
     Args:
         recipe: the resolved recipe.
@@ -86,6 +88,7 @@ def train(
         shown: called after each step.
         checkpoint_every: seconds between checkpoints.
         loaders: processes that make batches, for a GPU.
+        data_fingerprint: of the data; a checkpoint of other data is left aside. None: any will do.
 
     Returns:
         The trained network in `eval` mode. The checkpoint stays in `run`.
@@ -113,7 +116,7 @@ def train(
     optimizer = _optimizer(recipe, model)
     checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
     step, before = 0, 0.0
-    if checkpoint.exists():
+    if checkpoint.exists() and _is_of(checkpoint, data_fingerprint):
         about = load_training(checkpoint, model, optimizer)
         step, before = about["step"], about["seconds"]
     history.cut(step)
@@ -124,7 +127,7 @@ def train(
 
     def save() -> None:
         if fabric.is_global_zero:
-            about = {"step": step, "seconds": before + time.monotonic() - start}
+            about = {"step": step, "seconds": before + time.monotonic() - start, "data_fingerprint": data_fingerprint}
             save_training(checkpoint, model, optimizer, about)
 
     with _stoppable() as stop:
@@ -169,6 +172,12 @@ def train(
                 saved = time.monotonic()
         save()
     return network.eval()
+
+
+def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
+    """Whether a checkpoint is of these data; one that doesn't say is of the only data that its folder ever had."""
+    of = read_file(checkpoint, tensors=False)[1].get("data_fingerprint")
+    return of is None or data_fingerprint is None or of == data_fingerprint
 
 
 def _step(model: Any, optimizer: Any, fabric: Fabric, batch: Batch, rate: float, upsampling: int) -> dict[str, float]:

@@ -89,6 +89,8 @@ class Training(BaseModel):
     seconds: float | None = None
     device: str | None = None
     threads: int | None = None
+    other_code: str | None = None
+    """Of weights that were kept though the code of a part has changed since: what has changed, in words."""
 
 
 class Results(BaseModel):

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,5 +122,7 @@ class Stored(Candidates):
 
 @functools.lru_cache(maxsize=2)
 def _loaded(path: Path, plugins: tuple[Path, ...]) -> Networked:
-    network, recipe, _ = load_weights(path, load_plugins(plugins))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # whoever sent the path has loaded it too, and was warned
+        network, recipe, _ = load_weights(path, load_plugins(plugins))
     return Networked.of(network, recipe)
