@@ -27,6 +27,7 @@ from pcsr.evaluation import evaluate, methods
 from pcsr.files import write_text
 from pcsr.finished import WEIGHTS, Earlier, of_other_code, of_recipe
 from pcsr.model import Network
+from pcsr.origins import other_code
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
@@ -189,7 +190,11 @@ def _kept(
             f"--keep-weights: {earlier}, and the old weights cannot be used with it: leave --keep-weights out, and it "
             f"is trained again. What is wrong: {error}"
         ) from error
-    return network, {**training, "source": f"those of {earlier.path.parent}", "other_code": f"{earlier}"}
+    return network, {
+        **training,
+        "source": f"those of {earlier.path.parent}",
+        "other_code": f"{earlier} (--keep-weights)",
+    }
 
 
 def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
@@ -197,11 +202,13 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
-        network, _, card = load_weights(path, registry)
+        network, recipe, card = load_weights(path, registry)
     for one in said:
         progress.console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+    differs = other_code(recipe, card, registry)
+    marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
     training = card.get("training")
-    return network, {**(training if isinstance(training, dict) else {}), "source": source}
+    return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
 
 
 def _training(folder: Path, fabric: Fabric) -> dict[str, Any]:

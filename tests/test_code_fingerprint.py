@@ -102,19 +102,18 @@ def test_old_weights_are_kept_knowingly_and_the_report_says_so(call):
     (old,) = folders()
     Path("mine.py").write_text(EDITED)
     said = " ".join(call("--keep-weights").split())
-    assert (
-        f"weights: kept with --keep-weights, as the code of fusion 'mine' (mine.py) has changed since runs/{old}"
-        in said
-    )
-    assert "Old weights with new code (--keep-weights): the code of fusion 'mine' (mine.py) has changed" in said
+    changed = f"the code of fusion 'mine' (mine.py) has changed since runs/{old} was trained"
+    assert f"weights: kept with --keep-weights, as {changed}" in said
+    assert f"Old weights with new code: {changed} (--keep-weights)" in said
     assert "training, 1 epochs" not in said
     (new,) = folders() - {old}
     training = results(new)["training"]
     assert training["source"] == f"those of runs/{old}"
-    assert training["other_code"] == changed
+    assert training["other_code"] == f"{changed} (--keep-weights)"
     assert training["steps"] == 2
     page = (Path("runs") / new / "report.html").read_text()
-    assert '<p class="warning"><strong>These are old weights with new code (--keep-weights): the code of fusion' in page
+    assert '<p class="warning"><strong>These are old weights with new code: the code of fusion' in page
+    assert "was trained (--keep-weights).</strong>" in page
     assert not (Path("runs") / new / "weights.safetensors").exists()
     values = [results(one)["methods"][0]["values"] for one in (old, new)]
     assert values[0] != values[1], "the new code is what is measured"
@@ -130,11 +129,8 @@ def test_a_table_marks_what_was_measured_with_old_weights(call):
     said = call("--keep-weights", head=head)
     assert "mine †" in said.replace("fusion.", "")
     page = Path("runs/compare.html").read_text()
-    assert "mine †: old weights with new code" not in page
-    assert (
-        "old weights with new code (--keep-weights), the code of fusion &#x27;mine&#x27; (mine.py) has changed" in page
-    )
-    assert page.count("concat †") == 0
+    assert "mine: old weights with new code, the code of fusion &#x27;mine&#x27; (mine.py) has changed" in page
+    assert "concat †" not in page
 
 
 def test_an_edit_of_the_layers_leaves_nobody_stuck(call):
@@ -188,6 +184,16 @@ def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a
     call("--retrain")
     assert len(steps) == 4, "asked for again, it begins again"
     assert all((after[name] == tensor).all() for name, tensor in load_file(path / "weights.safetensors").items())
+
+
+def test_a_recipe_that_names_weights_of_other_code_says_so(call):
+    call()
+    (folder,) = folders()
+    Path("mine.py").write_text(EDITED)
+    call(f"--set=weights=runs/{folder}/weights.safetensors", "--set=name=named")
+    (named,) = folders() - {folder}
+    assert "made by fusion 'mine' (mine.py) of code" in results(named)["training"]["other_code"]
+    assert "These are old weights with new code" in (Path("runs") / named / "report.html").read_text()
 
 
 def test_what_names_weights_is_not_retrained(call):

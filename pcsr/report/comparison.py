@@ -125,7 +125,7 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     for row in rows:
         if row.other_code is not None:
-            note += f" {MARK} {row.label}: old weights with new code (--keep-weights), {row.other_code}."
+            note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."
     return Comparison(name, heads, cells, note)
 
 

@@ -100,7 +100,7 @@ def _warning(results: Results) -> str:
     """That the numbers are of old weights and new code, where they are."""
     if results.training.other_code is None:
         return ""
-    text = f"These are old weights with new code (--keep-weights): {results.training.other_code}."
+    text = f"These are old weights with new code: {results.training.other_code}."
     return f'<p class="warning"><strong>{html.escape(text)}</strong></p>'
 
 

@@ -90,7 +90,7 @@ class Training(BaseModel):
     device: str | None = None
     threads: int | None = None
     other_code: str | None = None
-    """Of weights that were kept though the code of a part has changed since: what has changed, in words."""
+    """Of weights that were measured with other code of a part than that of their training: what it is, in words."""
 
 
 class Results(BaseModel):

@@ -29,7 +29,7 @@ def table(results: dict[str, Any]) -> Table:
     if checked.touch is not None:
         caption += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     if checked.training.other_code is not None:
-        caption += f" Old weights with new code (--keep-weights): {checked.training.other_code}."
+        caption += f" Old weights with new code: {checked.training.other_code}."
     shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
     for metric, note in checked.metrics.items():
