@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-import re
-from collections.abc import Collection, Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,26 +11,14 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pcsr import __version__
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.files import save_tensors
 from pcsr.model import Network, build
+from pcsr.origins import ANEW, check_parts, foreign_parts, made_by, other_code
 from pcsr.outline import bounded, outline
-from pcsr.recipe import MODEL, Recipe, check_card
-from pcsr.recipe.compose import PARTS
-from pcsr.recipe.source import Keys
-from pcsr.registry import Entry, Registry
+from pcsr.recipe import Recipe, check_card
+from pcsr.registry import Registry
 from pcsr.weights.file import read_file, read_shapes
-
-OURS = "pcsr"
-"""The distribution whose parts everybody has."""
-FILE = "file"
-"""The version of a part that came from a file, not from an installed distribution."""
-PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
-"""What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
-LONG = 100
-"""Characters of a name in a message, of which a card may have millions."""
-ANEW = "They come from another version of its parts: train again, or install that version"
 
 
 def save_weights(
@@ -79,35 +67,6 @@ def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
-    """The parts of a resolved recipe that do not come with pcsr: kind, name, owner and version of each.
-
-    Of a plugin file the owner is its name, without the folder, and the version is "file".
-    """
-    parts = []
-    for kind, name in _used(recipe):
-        entry = registry.entries.get((kind, name))
-        if entry is not None and entry.owner != OURS:
-            parts.append({"kind": kind, "name": name, "owner": _owner(entry), "version": entry.version})
-    return parts
-
-
-def _used(recipe: Mapping[str, Any], places: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
-    """Kind and name of each part that a recipe names at these places, each once, whatever else is wrong with it."""
-    used = []
-    for (section, place), kind in ((keys, kind) for keys, kind in PARTS.items() if keys in places):
-        inner = recipe.get(str(section))
-        part = inner.get(place) if isinstance(inner, dict) else None
-        if isinstance(part, dict) and isinstance(part.get("use"), str):
-            used.append((kind, part["use"]))
-    return list(dict.fromkeys(used))
-
-
-def _owner(entry: Entry) -> str:
-    """Who brings a part, without the folders that a file lies in."""
-    return Path(entry.owner).name if entry.version == FILE else entry.owner
-
-
 def read_card(path: Path) -> dict[str, Any]:
     """The card of a weights file, without reading the weights.
 
@@ -126,6 +85,9 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     Raises:
         UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
             don't fit the recipe. The message says what to do.
+
+    Warns:
+        PcsrWarning: the code of a part is not that with which they were made.
     """
     card = read_card(path)
     recipe = card.get("recipe")
@@ -133,9 +95,12 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
         raise UserError(
             f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
         )
-    _check_parts(path, card, registry)
-    remedy = _remedy(card, registry)
+    check_parts(path, card, registry)
+    remedy = made_by(card, registry)
     checked = _checked(path, recipe, registry, remedy)
+    said = other_code(checked, card, registry)
+    if said:
+        warnings.warn(f"the weights {path} were {said}", PcsrWarning, stacklevel=2)
     network = _build(path, checked, registry, remedy)
     tensors, _ = read_file(path)
     if "sha256" in card and card["sha256"] != tensors_hash(tensors):
@@ -176,70 +141,6 @@ def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str) -> Netwo
         _compare(planned, shapes, path, remedy)
     with _building(path, remedy), bounded(len(shapes)):
         return build(recipe, registry)
-
-
-def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
-    """What a card says of foreign parts, as far as it can be believed."""
-    parts = card.get("parts")
-    return [
-        part
-        for part in (parts if isinstance(parts, list) else [])
-        if isinstance(part, dict)
-        and all(isinstance(part.get(key), str) and re.fullmatch(shape, part[key]) for key, shape in PLAIN.items())
-    ]
-
-
-def _check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
-    """Name the parts of the network that are not here, and what brings them.
-
-    Raises:
-        UserError: at least one is not here.
-    """
-    known = {(part["kind"], part["name"]): part for part in _parts(card)}
-    missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
-    if missing:
-        needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
-        raise UserError(f"the weights {path} need {needed}")
-
-
-def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
-    """A part that is not here, and the remedy."""
-    if part is None:  # before it was noted, or a part of ours that has gone
-        name = name if re.fullmatch(PLAIN["name"], name[:LONG]) else ascii(name[:LONG])[1:-1]
-        return f"{kind} '{name[:LONG]}', which no plugin here brings: install the one that does, or hand its file in"
-    owner, version = part["owner"], part["version"]
-    if version == FILE:
-        return f"{kind} '{name}' of the plugin file {owner}: hand in that file with --plugin (in Python: plugins=[…])"
-    if any(failure.owner == owner for failure in registry.failures):
-        return f"{kind} '{name}' of {owner} {version}, which failed to load: see `pcsr plugins --why {owner}`"
-    installed = {entry.owner: entry.version for entry in registry}.get(owner)
-    here = "" if installed is None else f", and {owner} {installed} is installed"
-    return f"{kind} '{name}' of {owner} {version}{here}: pip install {owner}=={version}"
-
-
-def _remedy(card: Mapping[str, Any], registry: Registry) -> str:
-    """What to do about weights that don't fit: which versions made them, and which are here."""
-    made, here, install, files = [], [], [], []
-    for part in _parts(card):
-        entry = registry.entries.get((part["kind"], part["name"]))
-        if entry is None or (_owner(entry), entry.version) == (part["owner"], part["version"]):
-            continue
-        made.append(f"{part['kind']} '{part['name']}' of {part['owner']} {part['version']}")
-        here.append(f"{_owner(entry)} {entry.version}")
-        if part["version"] == FILE:
-            files.append(part["owner"])
-        else:
-            install.append(f"{part['owner']}=={part['version']}")
-    version = card.get("version")
-    if isinstance(version, str) and re.fullmatch(PLAIN["version"], version) and version != __version__:
-        made.append(f"pcsr {version}")
-        here.append(f"pcsr {__version__}" if here else __version__)
-        install.append(f"pcsr=={version}")
-    if not made:
-        return ANEW
-    ways = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
-    ways += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
-    return f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(ways)}, or train again"
 
 
 def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path, remedy: str = ANEW) -> None:

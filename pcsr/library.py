@@ -80,7 +80,7 @@ class Model:
             UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
 
         Warns:
-            UserWarning: something was touched where the cloud has no points.
+            PcsrWarning: something was touched where the cloud has no points.
         """
         given = convert(points)
         new = self.new_points(

@@ -17,19 +17,21 @@ import pluggy
 
 from pcsr import hookspecs
 from pcsr.errors import PcsrError, UserError, did_you_mean
-from pcsr.registry import Failure, Register, Registry
-
-GROUP = "pcsr"
-"""The entry-point group that plugins, ours too, announce themselves in."""
+from pcsr.part_code import GROUP
+from pcsr.registry import FILE, Failure, Register, Registry
 
 
-def load_plugins(files: Iterable[Path] = ()) -> Registry:
+def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Registry:
     """A registry with the parts of every installed plugin and of each plugin file in `files`.
+
+    Args:
+        files: of Python.
+        files_win: a part of a file takes the place of an installed one of the same name.
 
     Raises:
         UserError: a file is not there. A plugin that fails in any other way becomes a `Failure`.
     """
-    registry = Registry(files=tuple(files))
+    registry = Registry(files=tuple(files), files_win=files_win)
     # Of a distribution that is on the path twice, as in one environment on top of another, the first is imported.
     installed: dict[str, Any] = {}
     for distribution in distributions():
@@ -41,7 +43,7 @@ def load_plugins(files: Iterable[Path] = ()) -> Registry:
     for file in registry.files:
         if not file.is_file():
             raise UserError(f"--plugin {file}: there is no such file")
-        _register(registry, partial(_import_file, file), str(file), "file")
+        _register(registry, partial(_import_file, file), str(file), FILE)
     return registry
 
 

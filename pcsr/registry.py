@@ -1,5 +1,6 @@
 """The registry: an object that knows each part by its kind and name, and who brought it."""
 
+import functools
 import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.part_code import distribution_code, file_code
 
 KINDS = {
     "encoder": "Encoder",
@@ -18,6 +20,10 @@ KINDS = {
     "shapes": "Shapes",
 }
 """Each kind of part and the name of its class in pcsr.contracts (which imports torch; this file does not)."""
+OURS = "pcsr"
+"""The distribution whose parts everybody has."""
+FILE = "file"
+"""The version of a part that came from a file, not from an installed distribution."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,23 @@ class Entry:
     target: type | str
     owner: str
     version: str
+
+    @property
+    def brought_by(self) -> str:
+        """The distribution, or the name of the plugin file without the folders that it lies in."""
+        return Path(self.owner).name if self.version == FILE else self.owner
+
+    @functools.cached_property
+    def code(self) -> str | None:
+        """What tells the part's code from other code of the same name.
+
+        A hash of the plugin's files; of a part of pcsr "version 2", say. None of such a part at version 1, and where
+        the files are not known.
+        """
+        if self.owner == OURS:
+            version = self.load().version  # type: ignore[attr-defined]  # every kind of part has one
+            return f"version {version}" if version > 1 else None
+        return file_code(Path(self.owner)) if self.version == FILE else distribution_code(self.owner)
 
     def load(self) -> type:
         """The part's class.
@@ -72,6 +95,8 @@ class Registry:
     failures: list[Failure] = field(default_factory=list)
     files: tuple[Path, ...] = ()
     """Plugin files that were loaded: another process has to load them too."""
+    files_win: bool = False
+    """Whether a part of a file takes the place of an installed one of the same name, which is else a mistake."""
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(sorted(self.entries.values(), key=lambda e: (list(KINDS).index(e.kind), e.name)))
@@ -81,7 +106,7 @@ class Registry:
         return sorted(name for k, name in self.entries if k == kind)
 
     def add(self, entry: Entry) -> None:
-        """Add a part.
+        """Add a part; one of a file takes the place of an installed one where `files_win`.
 
         Raises:
             UserError: the kind is unknown, or the name is taken; both owners are named.
@@ -89,7 +114,8 @@ class Registry:
         if entry.kind not in KINDS:
             raise UserError(f"'{entry.kind}' is not a kind of part: {did_you_mean(entry.kind, KINDS)}")
         taken = self.entries.get((entry.kind, entry.name))
-        if taken is not None:
+        wins = self.files_win and entry.version == FILE and taken is not None and taken.version != FILE
+        if taken is not None and not wins:
             raise UserError(
                 f"{entry.kind} '{entry.name}' is registered twice, by {taken.owner} and by {entry.owner}: "
                 f"rename one of them"

@@ -3,6 +3,8 @@
 import functools
 import json
 import os
+import shutil
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,20 +15,22 @@ from rich.console import Console
 from rich.progress import Progress
 
 import pcsr
-from pcsr import report, weights
-from pcsr.checkpoint import load_weights, read_card, save_weights
+from pcsr import report
+from pcsr.checkpoint import load_weights, save_weights
 from pcsr.data.build import load_or_build
 from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS
 from pcsr.data.plan import Plan
 from pcsr.data.plan import packages as data_packages
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.evaluation import evaluate, methods, needs_meshes
 from pcsr.extras import imported
 from pcsr.files import write_text
+from pcsr.finished import WEIGHTS, Earlier, of_other_code, of_recipe
 from pcsr.metrics.emd import EXACT
 from pcsr.model import Network
+from pcsr.origins import other_code
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
@@ -38,11 +42,12 @@ from pcsr.workers import worker_pool
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-WEIGHTS = "weights.safetensors"
 RESULTS = "results.json"
 EXAMPLES = "examples.safetensors"
 MOMENT = 1 << 28
 """Bytes that are read and hashed in about a second."""
+RETRAINING = "retraining"
+"""The folder in a run folder where `--retrain` keeps its checkpoint and its history until it is finished."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,10 @@ class Place:
     """Processes for data and metrics, all cores by default; and for the batches of all GPUs, two each by default."""
     data: tuple[Path, ...] = ()
     """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
+    keep_weights: bool = False
+    """Weights that were trained before the code of a part changed are measured, instead of training again."""
+    retrain: bool = False
+    """The network is trained anew, whatever finished weights there are; they stay until the new ones are finished."""
 
 
 def run_folder(recipe: Recipe, place: Place) -> Path:
@@ -81,8 +90,8 @@ def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]
 def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
     """Do whatever of a recipe isn't done yet, and evaluate.
 
-    Training is skipped where the recipe names weights, and where finished weights of exactly this recipe are in the
-    run folder or shipped.
+    Training is skipped where the recipe names weights, and where finished weights of exactly this recipe, and of the
+    code of its parts, are in the run folder or shipped.
 
     Returns:
         The results, which also stand in the run folder beside the report.
@@ -121,42 +130,49 @@ def _trained(
     """The recipe's network with finished weights, and where they came from."""
     named = check_weights(recipe, registry)
     folder = run_folder(recipe, place)
+    if named is not None and place.retrain:
+        raise UserError(f"recipe '{recipe.name}' names weights, so that nothing is trained: leave out --retrain")
     if named is not None:
         source = f"{named.path.stem} of recipe '{named.recipe.name}', sha256 {named.sha256[:12]}"
         return _loaded(named.path, source, registry, progress)
-    # Under another name, or for another number of touches at evaluation, the same recipe may be trained already.
-    alike = sorted(place.runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
-    for path, source in (
-        (folder / WEIGHTS, "this run folder"),
-        (weights.shipped(recipe.name), "shipped weights"),
-        *((path, "another run of this recipe") for path in alike),
-    ):
-        if path.exists() and _is_of(read_card(path), recipe, fingerprint):
-            return _loaded(path, source, registry, progress)
+    exact = None if place.retrain else of_recipe(recipe, fingerprint, place.runs, folder)
+    if exact is not None:
+        return _loaded(*exact, registry, progress)
+    earlier = None if place.retrain else of_other_code(recipe, fingerprint, place.runs, registry)
+    if place.keep_weights:
+        return _kept(recipe, earlier, registry, place, progress)
+    # Until new weights are finished, those that are there stay as they are, and their history with them.
+    training_folder = folder / RETRAINING if place.retrain else folder
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
         train_data, validation = data("train", progress), data("validation", progress)
         if fabric.is_global_zero:
             data("test", progress)  # what is missing or damaged is said before hours of training
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
+            training_folder.mkdir(exist_ok=True)
     if fabric.is_global_zero:
-        progress.console.print(f"no weights of exactly this recipe yet: training, {recipe.train.epochs} epochs")
+        if earlier is not None:
+            remedy = "training again; --keep-weights measures the old weights with the new code"
+            progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
+        why = "--retrain" if place.retrain else "no weights of exactly this recipe yet"
+        progress.console.print(f"{why}: training, {recipe.train.epochs} epochs")
     task = progress.add_task("training", total=None)
     network = train(
         recipe,
         registry,
         train_data,
         validation,
-        folder,
+        training_folder,
         fabric,
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
         loaders=max(1, place.jobs // fabric.world_size) if place.jobs else LOADERS,
+        data_fingerprint=fingerprint,
     )
     if not fabric.is_global_zero:  # the history is the first process's, who may not be done with it
         return network, {}
-    training = _training(folder, fabric)
+    training = _training(training_folder, fabric)
     card: dict[str, Any] = {
         "name": recipe.name,
         "fingerprint": recipe.fingerprint,
@@ -165,19 +181,58 @@ def _trained(
         "version": pcsr.__version__,
         "training": training,
     }
+    if recipe.code:
+        card["settings_fingerprint"] = recipe.settings_fingerprint
     if place.data:
         card["data"] = Built.read(place.data).card()
     save_weights(folder / WEIGHTS, network, card, registry)
-    (folder / CHECKPOINT).unlink()
+    if place.retrain:
+        write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
+        (training_folder / CHECKPOINT).unlink()  # first: without its history it would be of no use
+        shutil.rmtree(training_folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
     return network, {**training, "source": "trained by this run"}
+
+
+def _kept(
+    recipe: Recipe, earlier: Earlier | None, registry: Registry, place: Place, progress: Progress
+) -> tuple[Network, dict[str, Any]]:
+    """The network with weights of other code, which whoever reads the results is told.
+
+    Raises:
+        UserError: there are none, or they don't fit the code of now.
+    """
+    if earlier is None:
+        raise UserError(
+            f"--keep-weights: {place.runs} holds no weights of recipe '{recipe.name}', of this code or of other code: "
+            f"leave it out, and it is trained"
+        )
+    try:
+        network, training = _loaded(earlier.path, f"kept with --keep-weights, as {earlier}", registry, progress)
+    except UserError as error:
+        raise UserError(
+            f"--keep-weights: {earlier}, and the old weights cannot be used with it: leave --keep-weights out, and it "
+            f"is trained again. What is wrong: {error}"
+        ) from error
+    return network, {
+        **training,
+        "source": f"those of {earlier.path.parent}",
+        "other_code": f"{earlier} (--keep-weights)",
+    }
 
 
 def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
     """A network with the weights of a file, and what its card says of their training."""
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
-    network, _, card = load_weights(path, registry)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", PcsrWarning)
+        network, recipe, card = load_weights(path, registry)
+    for one in said:
+        progress.console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+    differs = other_code(recipe, card, registry)
+    marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
     training = card.get("training")
-    return network, {**(training if isinstance(training, dict) else {}), "source": source}
+    return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
 
 
 def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
@@ -192,11 +247,6 @@ def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
         "threads": steps[-1].get("threads"),
         "validation": checks[-1] if checks else {},
     }
-
-
-def _is_of(card: dict[str, Any], recipe: Recipe, data: str) -> bool:
-    """Whether weights are of exactly this recipe and exactly this data."""
-    return bool(card.get("fingerprint") == recipe.fingerprint and card.get("data_fingerprint") == data)
 
 
 Data = Callable[[str, Progress], Split]

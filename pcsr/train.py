@@ -29,6 +29,7 @@ from pcsr.recipe import Recipe
 from pcsr.registry import Registry
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
+from pcsr.weights.file import read_file
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -76,8 +77,9 @@ def train(
     shown: Callable[[Progress], None] = lambda progress: None,
     checkpoint_every: float = 60.0,
     loaders: int = LOADERS,
+    data_fingerprint: str | None = None,
 ) -> Network:
-    """Train a recipe's network, from the last checkpoint in `run` if there is one.
+    """Train a recipe's network, from the last checkpoint in `run` if there is one of the same data.
 
     Args:
         recipe: the resolved recipe.
@@ -89,6 +91,7 @@ def train(
         shown: called after each step.
         checkpoint_every: seconds between checkpoints.
         loaders: processes that make batches, for a GPU.
+        data_fingerprint: of the data; a checkpoint of other data is left aside. None: any will do.
 
     Returns:
         The trained network in `eval` mode. The checkpoint stays in `run`.
@@ -117,7 +120,7 @@ def train(
     checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
     step, before = 0, 0.0
     count = deserved(size // fabric.world_size * recipe.network_points, network.parameter_count)
-    if checkpoint.exists():
+    if checkpoint.exists() and _is_of(checkpoint, data_fingerprint):
         about = load_training(checkpoint, model, optimizer)
         step, before = about["step"], about["seconds"]
         # With another number of threads sums are rounded otherwise, on a machine with more cores for one.
@@ -130,7 +133,8 @@ def train(
 
     def save() -> None:
         if fabric.is_global_zero:
-            about = {"step": step, "seconds": before + time.monotonic() - start, "threads": used}
+            seconds = before + time.monotonic() - start
+            about = {"step": step, "seconds": seconds, "threads": used, "data_fingerprint": data_fingerprint}
             save_training(checkpoint, model, optimizer, about)
 
     with _stoppable() as stop, threads(count) as used:
@@ -176,6 +180,12 @@ def train(
                 saved = time.monotonic()
         save()
     return network.eval()
+
+
+def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
+    """Whether a checkpoint is of these data; one that doesn't say is of the only data that its folder ever had."""
+    of = read_file(checkpoint, tensors=False)[1].get("data_fingerprint")
+    return of is None or data_fingerprint is None or of == data_fingerprint
 
 
 def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: float, upsampling: int) -> dict[str, float]:

@@ -16,7 +16,6 @@ from safetensors.torch import load_file, save_file
 from pcsr import __version__
 from pcsr.checkpoint import (
     fill,
-    foreign_parts,
     load_training,
     load_weights,
     read_card,
@@ -26,6 +25,7 @@ from pcsr.checkpoint import (
 )
 from pcsr.errors import UserError
 from pcsr.model import build
+from pcsr.origins import foreign_parts
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
 from pcsr.registry import Failure

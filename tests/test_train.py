@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -192,6 +193,17 @@ def test_a_finished_training_is_not_trained_again(recipe, tmp_path):
     assert same(first, trained(recipe, tmp_path / "run", shown=lambda progress: steps.append(progress.step)))
     assert steps == []
     assert (tmp_path / "run" / HISTORY).read_bytes() == before
+
+
+def test_a_checkpoint_of_other_data_is_not_gone_on_from(recipe, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "run", shown=stop_at(4), checkpoint_every=0.0, data_fingerprint="one")
+    steps = {"one": [], "other": []}
+    for data, taken in steps.items():
+        shutil.copytree(tmp_path / "run", tmp_path / data)
+        trained(recipe, tmp_path / data, shown=lambda p, t=taken: t.append(p.step), data_fingerprint=data)
+    assert steps["one"] == list(range(4, STEPS + 1)), "as saved before the step that was stopped"
+    assert steps["other"] == list(range(1, STEPS + 1))
 
 
 def test_the_history_has_each_step_once_and_ten_validations_at_most(recipe, tmp_path):

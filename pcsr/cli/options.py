@@ -59,6 +59,15 @@ PLUGIN = _Plugin(path_type=Path)
 
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`."""
+    return _with_plugins(command, files_win=False)
+
+
+def winning_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
+    """As `plugin_option`; a part of a file takes the place of an installed one of the same name."""
+    return _with_plugins(command, files_win=True)
+
+
+def _with_plugins(command: Callable[..., Result], *, files_win: bool) -> Callable[..., Result]:
 
     @click.option(
         "--plugin",
@@ -72,7 +81,7 @@ def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
         from pcsr.plugins import load_plugins
 
-        return command(*args, registry=load_plugins(plugin_files), **kwargs)
+        return command(*args, registry=load_plugins(plugin_files, files_win=files_win), **kwargs)
 
     return with_registry
 

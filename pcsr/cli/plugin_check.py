@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import FILE, plugin_option
+from pcsr.cli.options import FILE, winning_plugin_option
 from pcsr.errors import RunError, UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 )
 @click.option("--mesh", type=FILE, default=None, help="What a touch source is to touch.  [default: an egg, 60 mm long]")
 @click.option("--upsampler", default=None, metavar="NAME", help="What an objective is made for, if not for any.")
-@plugin_option
+@winning_plugin_option
 def check(
     name: str,
     kind: str | None,
@@ -36,7 +36,8 @@ def check(
 ) -> None:
     """Check whether a part keeps the contract of its kind.
 
-    NAME is a part's, or a plugin's for all of its parts. Every check prints a line; a failure says what was found, what
+    NAME is a part's, or a plugin's for all of its parts. Of a part that --plugin FILE brings too, that file's is
+    checked. Every check prints a line; a failure says what was found, what
     is expected and what to do.
     """
     from pcsr.extras import require
@@ -62,11 +63,12 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
         UserError: none; the message says why.
     """
     from pcsr.plugins import why
-    from pcsr.registry import KINDS
+    from pcsr.registry import FILE, KINDS
 
     if kind is not None and kind not in KINDS:
         raise UserError(f"--kind {kind}: there is no such kind: {did_you_mean(kind, KINDS)}")
-    named = [entry for entry in registry if name in (entry.name, entry.owner)]
+    named = [entry for entry in registry if name in (entry.name, entry.owner, entry.brought_by)]
+    named = [entry for entry in named if entry.version == FILE] or named  # a file that is handed in is meant
     found = [entry for entry in named if kind in (None, entry.kind)]
     if found:
         return found

@@ -18,7 +18,8 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, where: dict[str
     """Train and evaluate a recipe, or compare several.
 
     What is done already is not done again: training goes on from its last checkpoint, and is skipped where finished
-    weights of exactly this recipe exist, or the recipe names weights. A recipe with a matrix, or one that names others,
+    weights of exactly this recipe exist, or the recipe names weights. The code of plugins belongs to a recipe: after an
+    edit it is trained again, in a folder beside the old one. A recipe with a matrix, or one that names others,
     runs row by row, and ends in a table of all of them.
     """
     from pcsr.recipe import load

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-PLACE = ("runs", "device", "devices", "nodes", "jobs", "data")
+PLACE = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
 """The fields of `pcsr.run.Place`, each an option."""
 WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
@@ -52,6 +52,16 @@ _OPTIONS = (
         help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own. "
         "May be repeated: the folders are joined.",
     ),
+    click.option(
+        "--keep-weights",
+        is_flag=True,
+        help="Measure the weights that were trained before the code of a plugin changed, instead of training again.",
+    ),
+    click.option(
+        "--retrain",
+        is_flag=True,
+        help="Train anew, even where finished weights are. They are replaced when the new ones are finished.",
+    ),
 )
 
 
@@ -85,6 +95,8 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     from pcsr.recipe.pretrained import check_weights
     from pcsr.run import Place, packages, run, run_folder
 
+    if where["keep_weights"] and where["retrain"]:
+        raise UserError("--keep-weights trains nothing, and --retrain trains: give one of the two")
     console = Console()
     place = Place(**where)
     if place.data:

@@ -107,9 +107,9 @@ def upsample(
             click.echo(f"touch {name} is left out: {reason}", err=True)
     from pcsr.library import load  # and torch with it: a mistake in a file is told without waiting for it
 
-    made = load(model, plugins=plugins, device=_device(device))
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", PcsrWarning)
+        made = load(model, plugins=plugins, device=_device(device))
         task = progress.add_task("upsampling", total=len(given.points))
         dense = given.with_new(  # straight from hand to hand, so that nobody holds the new points twice
             made.new_points(

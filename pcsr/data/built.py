@@ -130,7 +130,9 @@ class Built:
         plain["data"] = {**data, "touches": recipe.data.touches}
         plain["joined"] = list(self.joined)
         parts = PARTS.keys() - ({("train", "objective")} if recipe.weights else set())  # with weights none is needed
-        return from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}", parts)
+        on = from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}", parts)
+        # What made the data is in their fingerprint, whatever the code of those parts is by now.
+        return on.model_copy(update={"code": {k: v for k, v in on.code.items() if not k.startswith("data.")}})
 
     def _check_touches(self, recipe: Recipe) -> None:
         wanted = recipe.data.touches if recipe.weights else recipe.most_touches  # nothing is trained with weights

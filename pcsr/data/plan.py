@@ -71,6 +71,9 @@ class Plan:
                 for split, some in names.items()
             },
         }
+        code = {place: code for place, code in recipe.code.items() if place.startswith("data.")}
+        if code:  # of other people's parts
+            decisive["code"] = code
         text = json.dumps(decisive, sort_keys=True)
         return cls(recipe, registry.files, names, empty, hashlib.sha256(text.encode()).hexdigest())
 

@@ -40,6 +40,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
                 section[keys[1]] = _part(source, registry, keys, kind, written, mistakes)
             else:
                 section[keys[1]] = {"use": written["use"], "options": _options(written)}
+    data["code"] = _code(data, registry, parts)
     recipe: Recipe | None = None
     try:
         recipe = Recipe.model_validate(data)
@@ -113,6 +114,24 @@ def _part(
         mistakes += _mistakes(error, options, model, (f"{kind} '{name}'",), locate)
         return blank
     return {"use": name, "options": {key: getattr(checked, key) for key in type(checked).model_fields}}
+
+
+def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> dict[str, str]:
+    """The code of the parts: of those that are checked as it is here, of others what is written."""
+    written = data.get("code")
+    code: dict[str, str] = {}
+    for keys, kind in PARTS.items():
+        place = ".".join(map(str, keys))
+        section = data.get(str(keys[0]))
+        spec = section.get(keys[1]) if isinstance(section, dict) else None
+        if keys in parts:
+            entry = registry.entries.get((kind, spec["use"])) if isinstance(spec, dict) else None
+            known = entry.code if entry is not None else None
+        else:
+            known = written.get(place) if isinstance(written, dict) else None
+        if isinstance(known, str):
+            code[place] = known
+    return code
 
 
 def _is_part(written: Any) -> bool:

@@ -25,6 +25,7 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         optional = (section_name, key) == ("model", "touch_encoder")
         properties = definitions[str(section_name).capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
+    del schema["properties"]["code"]  # nobody writes it
     schema["properties"] |= {
         "weights": {
             "anyOf": [{"type": "string"}, {"$ref": "#/$defs/Weights"}, {"type": "null"}],

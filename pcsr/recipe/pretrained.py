@@ -72,6 +72,7 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     under |= {"train": plain["train"], "data": {"rate": plain["data"]["rate"]}}
     laid = merge(Source(under, {(): source.values[()]}), source)
     laid.data["weights"] = named
+    laid.data.pop("code", None)  # of an objective that is not looked at
     recipe = check(laid, registry, PARTS.keys() - {("train", "objective")})  # nothing is trained
     wrong = misfit(recipe, trained.recipe, registry)
     if wrong:

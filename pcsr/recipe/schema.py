@@ -170,6 +170,9 @@ class Recipe(Section):
     joined: Annotated[tuple[str, ...], AS_TUPLE, Field(max_length=1_000)] = ()
     """The fingerprints of the folders, where the data is that of several (`--data`)."""
     evaluate: Evaluate = Evaluate()
+    code: dict[str, str] = Field(default_factory=dict)
+    """By the place of a part, such as `model.fusion`, a hash of the code of the plugin that brings it; of a part of
+    pcsr its version from 2 on. It is filled in where a recipe is read, whatever is written."""
 
     @property
     def network_points(self) -> int:
@@ -196,12 +199,22 @@ class Recipe(Section):
 
     def resolved(self) -> dict[str, Any]:
         """Plain data with every default filled in, in the form of a recipe file."""
-        plain: dict[str, Any] = _flat(self.model_dump(mode="json"))
+        plain: dict[str, Any] = {key: _flat(value) for key, value in self.model_dump(mode="json").items()}
+        if not self.code:
+            del plain["code"]
         return plain
 
     @property
     def fingerprint(self) -> str:
         """Hash of all that decides the weights: neither the name nor the evaluation does."""
+        return _hash(self._decisive() | ({"code": self.code} if self.code else {}))
+
+    @property
+    def settings_fingerprint(self) -> str:
+        """The fingerprint without the code of the parts: that of runs of this recipe before a plugin was edited."""
+        return _hash(self._decisive())
+
+    def _decisive(self) -> dict[str, Any]:
         plain = self.resolved()
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
         decisive: dict[str, Any] = {"seed": self.seed, "data": data, "model": plain["model"]}
@@ -213,7 +226,7 @@ class Recipe(Section):
             decisive["joined"] = plain["joined"]
         if self.patches:
             decisive["patches"] = plain["patches"] | {"cover": None}
-        return _hash(decisive)
+        return decisive
 
     @property
     def data_seed(self) -> int:

@@ -17,7 +17,7 @@ from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.lettering import png
 from pcsr.report.page import shell, table
 from pcsr.report.results import Results, parse_results
-from pcsr.report.rows import Row, baselines, variants
+from pcsr.report.rows import MARK, Row, baselines, variants
 from pcsr.report.scores import decimals_of, efficiency_cell, scaled
 
 VARIED = re.compile(r"-(touches|rate)\.(\d+)")
@@ -97,7 +97,7 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
     decimals = {metric: decimals_of(min(row.mean(metric) for row in rows if not row.bound)) for metric in notes}
     cells = []
     for row in rows:
-        line = [row.label]
+        line = [row.marked]
         for metric, places in decimals.items():
             text = f"{row.mean(metric):.{places}f}"
             if (spread := row.spread(metric, over_seeds=len(seeds) > 1)) is not None:
@@ -123,6 +123,9 @@ def _whole(rows: Sequence[Row], runs: Sequence[Results], name: str) -> Compariso
     note += "; ".join(f"{metric}: {of_metric.description}" for metric, of_metric in notes.items()) + "."
     if with_touch:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+    for row in rows:
+        if row.other_code is not None:
+            note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."
     return Comparison(name, heads, cells, note)
 
 

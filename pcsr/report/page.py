@@ -39,6 +39,7 @@ def render(
         (
             f"<h1>{html.escape(results.name)}</h1>",
             f'<p class="lead">{_statement(results)}</p>',
+            _warning(results),
             _metrics(results),
             "" if results.touch is None else _touch(results.touch),
             _examples(examples, results),
@@ -104,6 +105,14 @@ def _statement(results: Results) -> str:
         f"lower is better. Recipe {results.fingerprint[:8]}, pcsr {results.version}, {results.created}."
     )
     return html.escape(text)
+
+
+def _warning(results: Results) -> str:
+    """That the numbers are of old weights and new code, where they are."""
+    if results.training.other_code is None:
+        return ""
+    text = f"These are old weights with new code: {results.training.other_code}."
+    return f'<p class="warning"><strong>{html.escape(text)}</strong></p>'
 
 
 def _metrics(results: Results) -> str:

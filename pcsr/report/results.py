@@ -90,6 +90,8 @@ class Training(BaseModel):
     seconds: float | None = None
     device: str | None = None
     threads: int | None = None
+    other_code: str | None = None
+    """Of weights that were measured with other code of a part than that of their training: what it is, in words."""
 
 
 class Results(BaseModel):

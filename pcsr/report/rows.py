@@ -10,6 +10,7 @@ import numpy as np
 
 from pcsr.report.results import BOUND, MethodResult, Results
 
+MARK = "†"
 SEED = re.compile(r"-seed\.\d+")
 
 
@@ -32,6 +33,13 @@ class Row:
     """Seconds of training for each epoch, the mean over seeds; None for a baseline and for weights that don't say."""
     bound: bool
     """The floor, which decides no digits."""
+    other_code: str | None = None
+    """What has changed since its weights were trained, where old weights were measured with new code."""
+
+    @property
+    def marked(self) -> str:
+        """The label, with a mark where the weights are of other code."""
+        return self.label if self.other_code is None else f"{self.label} {MARK}"
 
     def mean(self, metric: str) -> float:
         """Over objects and seeds."""
@@ -122,4 +130,5 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
         float(np.mean([method.seconds for method in methods])),
         float(np.mean(trained)) / first.recipe["train"]["epochs"] if of_network and trained else None,
         methods[0].name == BOUND and not of_network,
+        next((run.training.other_code for run in runs if run.training.other_code), None) if of_network else None,
     )

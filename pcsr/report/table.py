@@ -29,6 +29,8 @@ def table(results: dict[str, Any]) -> Table:
     if checked.touch is not None:
         caption += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     caption += f" s/cloud: {checked.timed}."
+    if checked.training.other_code is not None:
+        caption += f" Old weights with new code: {checked.training.other_code}."
     shown = Table(title=escape(checked.name), caption=escape(caption), box=box.SIMPLE_HEAD)
     shown.add_column("method")
     for metric, note in checked.metrics.items():

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import torch
 from jaxtyping import Float
 
 from pcsr.checkpoint import load_weights
-from pcsr.errors import RunError
+from pcsr.errors import PcsrWarning, RunError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.model import Network
 from pcsr.plugins import load_plugins
@@ -121,5 +122,7 @@ class Stored(Candidates):
 
 @functools.lru_cache(maxsize=2)
 def _loaded(path: Path, plugins: tuple[Path, ...]) -> Networked:
-    network, recipe, _ = load_weights(path, load_plugins(plugins))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PcsrWarning)  # whoever sent the path has loaded it too, and was warned
+        network, recipe, _ = load_weights(path, load_plugins(plugins))
     return Networked.of(network, recipe)

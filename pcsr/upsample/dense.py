@@ -70,7 +70,7 @@ def densify(
         UserError: too few points, all of them on one spot, or a count that cannot be reached.
 
     Warns:
-        UserWarning: something was touched where the cloud has no points.
+        PcsrWarning: something was touched where the cloud has no points.
     """
     cloud = np.asarray(points, np.float64)
     n = len(cloud)

@@ -150,3 +150,22 @@ def test_options_of_the_group_are_not_lost_before_a_subcommand(invoke):
 def test_the_parts_of_these_tests_are_sound():
     for part in (Boxes, Pats):
         assert all(check.outcome().result == "passed" for check in checks_for(part))
+
+
+def test_the_part_of_the_file_is_checked_where_one_of_its_name_is_installed(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from pcsr import Fusion, hookimpl\n\n\nclass Mine(Fusion):\n    def __init__(self, widths):\n"
+        "        super().__init__()\n        raise ValueError('of the file')\n\n\n@hookimpl\n"
+        "def pcsr_register(register):\n    register.fusion('concat', Mine)\n"
+    )
+    done = CliRunner().invoke(pcsr, ["plugins", "check", "concat", "--plugin", str(file)])
+    assert f"fusion 'concat' of {file} file" in done.output
+    assert "of the file" in done.output
+    assert done.exit_code == 1
+    assert CliRunner().invoke(pcsr, ["plugins", "check", "concat"]).output.startswith("fusion 'concat' of pcsr ")
+    twice = tmp_path / "twice.py"
+    twice.write_text(file.read_text())
+    both = CliRunner().invoke(pcsr, ["plugins", "check", "concat", "--plugin", str(file), "--plugin", str(twice)])
+    assert f"fusion 'concat' of {file} file" in both.output
+    assert str(twice) not in both.output
