@@ -7,7 +7,7 @@ command line's help pages stay fast and never load torch.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from pcsr.errors import PcsrError, RunError, UserError
+from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError
 from pcsr.hookspecs import hookimpl
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ __all__ = [
     "Model",
     "Objective",
     "PcsrError",
+    "PcsrWarning",
     "Register",
     "RunError",
     "Shapes",
