@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TextIO
 
 import click
 
-from pcsr import __version__, threads
+from pcsr import __version__
 from pcsr.cli import streams
 from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError, did_you_mean
 
@@ -212,7 +212,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     0: done; 1: a failure; 2: a mistake in what was given; 130: interrupted.
     """
+    from pcsr.threads import wait_passively
+
     streams.prepare()
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes, whose warnings nobody else holds back
-    threads.wait_passively()  # before a command imports torch
+    wait_passively()  # before a command imports torch
     pcsr.main(args=arguments, prog_name="pcsr")
