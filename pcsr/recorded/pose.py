@@ -32,8 +32,7 @@ def turn(axes: Axis) -> Float[np.ndarray, "4 4"]:
 
 def transformed(pose: Float[np.ndarray, "4 4"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Points through a pose."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused where all touches are
-        moved: Float[np.ndarray, "n 3"] = points @ pose[:3, :3].T + pose[:3, 3]
+    moved: Float[np.ndarray, "n 3"] = points @ pose[:3, :3].T + pose[:3, 3]
     return moved
 
 

@@ -48,6 +48,7 @@ class Recording:
     """What was left out, and why."""
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a touch that is not finite is left out at the end
 def read(folder: Path | str) -> Recording:
     """Read a recording. A touch that cannot be used is left out, with the reason; the others are not the worse.
 
@@ -205,8 +206,7 @@ def _in_object(
     points: Float[np.ndarray, "n 3"], unit: float, recorded: Recorded, pose: Float[np.ndarray, "4 4"] | None
 ) -> Float[np.ndarray, "n 3"]:
     if recorded.frame == "object":
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused where all touches are
-            return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
+        return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
     if pose is None:
         raise UserError("pose is missing: the cloud is in the sensor's frame; add it")
     return transformed(pose, points * unit)

@@ -211,7 +211,8 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
     suffix = suffix.lower()
     check_start(data[:HEAD], suffix, name)
     try:
-        return read(data)
+        with np.errstate(over="ignore", invalid="ignore"):  # what no double holds is not finite: looked at later
+            return read(data)
     except UserError as error:
         raise UserError(f"{name}: {error}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over

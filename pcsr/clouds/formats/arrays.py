@@ -100,8 +100,7 @@ def _cloud(array: np.ndarray, columns: dict[str, np.ndarray], about: dict[str, d
     if array.shape[1] > MOST_COLUMNS:
         raise UserError(f"it has {array.shape[1]} numbers for each point, and {MOST_COLUMNS} are the most")
     beside = {unused(f"c{i}", columns): native(array[:, i]) for i in range(3, array.shape[1])}
-    with np.errstate(over="ignore"):  # what is too large for a double is infinite, and that is refused
-        return Cloud(array[:, :3].astype(np.float64), beside | columns, about)
+    return Cloud(array[:, :3].astype(np.float64), beside | columns, about)
 
 
 def write_npy(cloud: Cloud) -> bytes:

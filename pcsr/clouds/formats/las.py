@@ -9,6 +9,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
+from pcsr.clouds.formats.laz import DAMAGED, check_chunks
 from pcsr.errors import UserError
 from pcsr.extras import imported, remedy, require
 from pcsr.limits import check_inflated
@@ -39,6 +40,10 @@ def read(data: bytes) -> Cloud:
     except laspy.LaspyException as error:
         hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
+    except BaseException as error:  # lazrs ends in a panic of Rust's, which is no `Exception`
+        if type(error).__name__ != "PanicException":
+            raise
+        raise UserError(DAMAGED) from error
     if len(las.points) != las.header.point_count:
         raise UserError(f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there")
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
@@ -64,6 +69,7 @@ def _check_counts(data: bytes) -> None:
         raise UserError(f"it is cut off: {there} of its {count} points are there")
     if compressed:
         check_inflated(len(data), count * size)
+        check_chunks(data, _whole(data, 96, 4), size, count)
 
 
 def _whole(data: bytes, at: int, size: int) -> int:

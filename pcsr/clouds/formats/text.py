@@ -115,7 +115,7 @@ def _coordinates(names: list[str], must: bool) -> list[int]:
     if all(axis in lower for axis in "xyz"):
         return [lower.index(axis) for axis in "xyz"]
     if must:
-        raise UserError(f"its columns are {', '.join(lower)}: name those of the coordinates x, y and z")
+        raise UserError(f"its columns are {', '.join(lower)[:200]}: name those of the coordinates x, y and z")
     return [0, 1, 2]
 
 
@@ -185,7 +185,7 @@ def _careful(rows: Iterable[tuple[int, list[str]]], named: bool, width: int | No
         try:
             list(map(float, found[-1]))
         except ValueError as error:
-            raise UserError(f"line {number}: {error}") from error
+            raise UserError(f"line {number}: {str(error)[:120]}") from error
     columns = [_column(each) for each in zip(*found, strict=True)] or [np.zeros(0) for _ in wanted]
     table = np.zeros(len(found), [(f"{i}", column.dtype) for i, column in zip(wanted, columns, strict=True)])
     for i, column in zip(wanted, columns, strict=True):
