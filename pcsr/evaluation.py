@@ -73,7 +73,11 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
 
 def needs_meshes(recipe: Recipe) -> bool:
     """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
-    return "floor" in recipe.evaluate.beside or any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
+    return "floor" in recipe.evaluate.beside or _measured_on_meshes(recipe)
+
+
+def _measured_on_meshes(recipe: Recipe) -> bool:
+    return any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
 
 
 def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
@@ -179,7 +183,7 @@ class _Task:
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
-    if not needs_meshes(recipe) and all(method.upsample for method in compared):
+    if not _measured_on_meshes(recipe) and all(method.upsample for method in compared):
         return [None] * len(split)
     shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)

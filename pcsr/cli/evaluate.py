@@ -39,7 +39,7 @@ def evaluate(
     surface = None if mesh is None else read_mesh(mesh)
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
-        click.echo(f"no emd: {why}", err=True)
+        click.echo(f"left out: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))
         return
