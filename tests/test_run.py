@@ -10,7 +10,9 @@ from rich.progress import Progress
 from safetensors.torch import load_file
 
 from pcsr import UserError
+from pcsr import run as module
 from pcsr.checkpoint import load_weights, read_card, save_weights
+from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import chamfer
@@ -287,3 +289,13 @@ def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, fini
     leave(recipe, runs="elsewhere")
     with pytest.raises(UntrainedError):
         ask(recipe.model_copy(update={"name": "renamed"}))
+
+
+def test_reading_much_data_is_shown(monkeypatch):
+    built = Built.read([ROOT / "tests" / "data" / "version_0_1"])
+    for moment, described in ((module.MOMENT, []), (0, ["checking the train data"])):
+        monkeypatch.setattr(module, "MOMENT", moment)
+        progress = Progress(disable=True)
+        assert len(module._checked(built, "train", progress)) == 2
+        assert [task.description for task in progress.tasks] == described
+        assert all(task.finished for task in progress.tasks)
