@@ -62,6 +62,7 @@ def write(
     except OSError as error:
         raise RunError(f"{folder}: the old recording cannot be replaced: {error.strerror or error}") from error
     written: list[Path] = []
+    new = not folder.exists()
     try:
         for file, array in clouds.items():
             written.append(folder / file)
@@ -73,6 +74,8 @@ def write(
     except BaseException:  # a full disk as well as Ctrl-C: half a recording is of no use
         for path in written:
             path.unlink(missing_ok=True)
+        if new and folder.is_dir():
+            folder.rmdir()
         raise
 
 

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 import torch
@@ -11,7 +13,9 @@ from pcsr.data.build import build_split
 from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
-from pcsr.data.shards import MANIFEST, read_manifest
+from pcsr.data.shards import MANIFEST, damaged, read_manifest, write_manifest
+from pcsr.plugins import load_plugins
+from pcsr.recipe import for_data
 from pcsr.workers import worker_pool
 
 
@@ -189,9 +193,25 @@ def test_a_manifest_without_settings_is_refused(tmp_path, two):
     manifest = json.loads((two[0] / MANIFEST).read_text())
     (tmp_path / MANIFEST).write_text(json.dumps({**manifest, "data": {}}))
     with pytest.raises(
-        UserError, match=r"is not a manifest of pcsr data: data\.shapes is missing: add it \(and 7 more\)"
+        UserError, match=r"is not a manifest of pcsr data: data\.shapes: it must be given \(and 7 more\)"
     ):
         Built.read([two[0], tmp_path])
+
+
+def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
+    folder = Path(shutil.copytree(Path(__file__).with_name("version_0_1"), tmp_path / "data"))
+    built = Built.read([folder])
+    assert damaged(folder, built.manifests[0]) == ()
+    assert built.split("train").names == ["train/adapter/0000", "train/arch/0000"]
+    assert torch.stack(list(built.split("test").touches)).shape == (1, 2, 8, 3)
+    text = (folder / MANIFEST).read_bytes()
+    write_manifest(folder, built.manifests[0])
+    assert (folder / MANIFEST).read_bytes() == text
+    small = ["count=2", "held_out=1", "points=16", "rate=2", "touch.points=8", "touches=2"]
+    registry = load_plugins()
+    plan = Plan.of(for_data("cad-parts", {}, registry, small), registry)
+    assert plan.fingerprint == built.fingerprint
+    assert built.lay_under(plan.recipe, registry).data == plan.recipe.data.model_copy(update={"seed": 0})
 
 
 def test_progress_is_told_in_objects(two):

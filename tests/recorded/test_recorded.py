@@ -471,6 +471,25 @@ def test_overwriting_leaves_nothing_of_the_old_recording(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.ply", "notes.txt", MANIFEST]
 
 
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_write_that_is_stopped_leaves_nothing(tmp_path, monkeypatch, error):
+    real = os.replace
+
+    def full(source, target):
+        if str(target).endswith("2.ply"):
+            raise error
+        real(source, target)
+
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    monkeypatch.setattr(os, "replace", full)
+    for folder in (tmp_path / "mine", tmp_path / "new"):
+        with pytest.raises((RunError, KeyboardInterrupt)):
+            write(folder, [one_touch()] * 4)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+    assert not (tmp_path / "new").exists()
+
+
 def test_a_folder_that_is_a_file_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     for overwrite in (False, True):

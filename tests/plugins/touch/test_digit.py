@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import Item, UserError
 from pcsr.recipe.schema import options_model
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import sensors
+from pcsr_plugins.touch import hand, sensors
 from pcsr_plugins.touch.digit import Digit
 
 CLOUD = np.zeros((1, 3))
@@ -30,6 +30,15 @@ def in_sensor(touch):
     (pose,) = touch.poses
     inverse = np.linalg.inv(pose)
     return touch.points @ inverse[:3, :3].T + inverse[:3, 3]
+
+
+def test_touches_do_not_depend_on_how_many_places_are_looked_at_together(monkeypatch):
+    whole = touch(SHAPES["torus"], 5)
+    for together in (1, 200):
+        monkeypatch.setattr(hand, "AT_ONCE", together)
+        for one, other in zip(touch(SHAPES["torus"], 5), whole, strict=True):
+            assert np.array_equal(one.points, other.points)
+            assert np.array_equal(one.poses, other.poses)
 
 
 @pytest.mark.parametrize("name", SHAPES)
