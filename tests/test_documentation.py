@@ -17,6 +17,7 @@ from pcsr.cli import pcsr
 from pcsr.clouds.formats import read_points, write_points
 from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
+from pcsr.origins import __file__ as origins
 from pcsr.recorded import write
 from pcsr.weights import shipped
 from pcsr.weights.file import __file__ as weights_file
@@ -76,7 +77,7 @@ def test_the_metrics_are_all_there_and_described_as_they_describe_themselves():
 
 def test_what_messages_are_said_to_say_they_say():
     said = re.findall(r"^\| [^|`]+ \| (`.*) \|$", TEXT, re.MULTILINE)
-    files = [Path(file).read_text(encoding="utf-8") for file in (checkpoint, weights_file)]
+    files = [Path(file).read_text(encoding="utf-8") for file in (checkpoint, origins, weights_file)]
     source = re.sub(r"\"\s*f?\"", "", "".join(files))
     fragments = [part for row in said for quoted in re.findall("`([^`]+)`", row) for part in quoted.split(" … ")]
     assert len(fragments) >= 9

@@ -9,7 +9,7 @@ from typing import Any
 from pcsr.contracts import Shapes, TouchSource
 from pcsr.data.plan import Plan
 from pcsr.data.sample import Rejected, Sample, make_sample
-from pcsr.errors import UserError
+from pcsr.errors import RunError, UserError
 from pcsr.plugins import load_plugins
 from pcsr.recipe import DATA, Recipe, from_resolved
 from pcsr.registry import Registry
@@ -40,7 +40,11 @@ def _worker(recipe: str, files: tuple[str, ...]) -> "_Worker":
     # Plugins given as files are loaded in each process: their classes are not importable by name otherwise.
     registry = load_plugins([Path(file) for file in files])
     plain: dict[str, Any] = json.loads(recipe)
-    return _Worker(from_resolved(plain, registry, parts=DATA), registry)
+    checked = from_resolved(plain, registry, parts=DATA)
+    if checked.code != plain.get("code", {}):
+        names = " and ".join(Path(file).name for file in files) or "a plugin"
+        raise RunError(f"the code of {names} is another here than where the building began: build again")
+    return _Worker(checked, registry)
 
 
 class _Worker:

@@ -1,12 +1,15 @@
 """Samples made in other processes, and on a cluster of which one worker dies."""
 
+import json
 import os
 import signal
 
 import pytest
 
 from pcsr.data.build import build_split
+from pcsr.data.jobs import _make_chunk, _worker
 from pcsr.data.plan import Plan
+from pcsr.errors import RunError
 from pcsr.workers import WorkerPool, worker_pool
 
 
@@ -31,3 +34,14 @@ def test_a_cluster_whose_worker_is_killed_makes_the_same_bytes(recipe, registry,
     assert done == 150
     here, there = ({p.name: p.read_bytes() for p in (tmp_path / name).iterdir()} for name in ("here", "there"))
     assert here == there
+
+
+def test_a_plugin_that_is_edited_while_it_is_used_elsewhere_is_not_mixed_in(recipe, registry, world, tmp_path):
+    file = tmp_path / "world.py"
+    file.write_text(world.read_text())
+    plain, files = json.dumps(recipe("count=2").resolved()), (str(file),)
+    assert len(_make_chunk(plain, files, ("train/000",))) == 1, "the same code under another path"
+    _worker.cache_clear()
+    file.write_text(world.read_text() + "\n")
+    with pytest.raises(RunError, match=r"the code of world\.py is another here than where the building began"):
+        _make_chunk(plain, files, ("train/000",))
