@@ -39,12 +39,14 @@ FLOORS = {
     "pcsr.progress": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.plugin_guard": 0,
     "pcsr.mistakes": 0,
 }
 SAME_FLOOR = {
     # Of two files of one floor the first may use the second.
     ("pcsr.files", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
+    ("pcsr.plugin_guard", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.tensors"),
     ("pcsr.plugins", "pcsr.registry"),
