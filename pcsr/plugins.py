@@ -5,6 +5,7 @@ pluggy's own entry-point loader ends at the first plugin that raises, hence the 
 
 import hashlib
 import importlib.util
+import os
 import sys
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -17,8 +18,13 @@ import pluggy
 
 from pcsr import hookspecs
 from pcsr.errors import PcsrError, UserError, did_you_mean
+from pcsr.mistakes import shown_path
 from pcsr.part_code import GROUP
+from pcsr.plugin_guard import guarded_import
 from pcsr.registry import FILE, Failure, Register, Registry
+
+LARGEST = 1 << 24
+"""Bytes of a plugin file; Python reads it whole."""
 
 
 def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Registry:
@@ -41,8 +47,8 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
             if point.group == GROUP:
                 _register(registry, point.load, _name(distribution), distribution.version)
     for file in registry.files:
-        if not file.is_file():
-            raise UserError(f"--plugin {file}: there is no such file")
+        if not os.path.isfile(file):  # of a name that no file can have, too
+            raise UserError(f"--plugin {shown_path(file)}: there is no such file")
         _register(registry, partial(_import_file, file), str(file), FILE)
     return registry
 
@@ -56,13 +62,14 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
     """Load one plugin into the registry whole, or note its failure and leave the registry as it was."""
     before = dict(registry.entries)
     try:
-        manager = pluggy.PluginManager("pcsr")
-        manager.add_hookspecs(hookspecs)
-        manager.register(load())
-        manager.check_pending()  # a misspelt hook name is an error, not silence
-        if not manager.hook.pcsr_register.get_hookimpls():
-            raise UserError("it has no function pcsr_register marked @pcsr.hookimpl, so it registers nothing")
-        manager.hook.pcsr_register(register=Register(registry, owner, version))
+        with guarded_import(f"plugin {owner}"):
+            manager = pluggy.PluginManager("pcsr")
+            manager.add_hookspecs(hookspecs)
+            manager.register(load())
+            manager.check_pending()  # a misspelt hook name is an error, not silence
+            if not manager.hook.pcsr_register.get_hookimpls():
+                raise UserError("it has no function pcsr_register marked @pcsr.hookimpl, so it registers nothing")
+            manager.hook.pcsr_register(register=Register(registry, owner, version))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin that calls sys.exit must not end the rest
@@ -71,6 +78,8 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
 
 
 def _import_file(file: Path) -> ModuleType:
+    if file.stat().st_size > LARGEST:
+        raise UserError(f"{file} is larger than {LARGEST} bytes, which no Python file is that a person wrote")
     # A name of its own, so that two files called fusion.py don't collide.
     name = f"pcsr_plugin_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
@@ -101,9 +110,7 @@ def why(registry: Registry, name: str) -> str:
         lines.append(f"no installed plugin registers a part or is called '{name}'{hint}")
         failures = registry.failures
     for failure in failures:
-        lines.append(
-            f"{failure.owner} {failure.version} failed to load: {type(failure.error).__name__}: {failure.error}"
-        )
+        lines.append(f"{failure.owner} {failure.version} failed to load: {failure.said}")
         if not isinstance(failure.error, PcsrError):
             lines.append(_place(failure.error))
     return "\n".join(lines)

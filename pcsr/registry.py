@@ -2,13 +2,16 @@
 
 import functools
 import importlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.mistakes import shortened, shown
 from pcsr.part_code import distribution_code, file_code
+from pcsr.plugin_guard import guarded_import
 
 KINDS = {
     "encoder": "Encoder",
@@ -24,6 +27,10 @@ OURS = "pcsr"
 """The distribution whose parts everybody has."""
 FILE = "file"
 """The version of a part that came from a file, not from an installed distribution."""
+
+
+NAME = r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}"
+"""Of a part: it stands in recipes, on command lines and in the names of run folders."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +70,29 @@ class Entry:
         if isinstance(part, str):
             module, _, attribute = part.partition(":")
             try:
-                part = getattr(importlib.import_module(module), attribute)
-            except Exception as error:
+                with guarded_import(f"{self.kind} '{self.name}' of {self.owner}"):
+                    part = getattr(importlib.import_module(module), attribute)
+            except (Exception, SystemExit) as error:
                 raise UserError(
                     f"{self.kind} '{self.name}' of {self.owner} cannot be loaded from '{self.target}': "
-                    f"{type(error).__name__}: {error}"
+                    f"{described(error)}"
                 ) from error
         contract = getattr(importlib.import_module("pcsr.contracts"), KINDS[self.kind])
         if not (isinstance(part, type) and issubclass(part, contract)):
             raise UserError(
-                f"{self.kind} '{self.name}' of {self.owner} is {part!r}, which is not a {contract.__name__}: "
+                f"{self.kind} '{self.name}' of {self.owner} is {shown(part)}, which is not a {contract.__name__}: "
                 f"derive it from pcsr.{contract.__name__}"
             )
         return part
+
+
+def described(error: BaseException) -> str:
+    """An error of a plugin in one line, whatever its text is."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # the author's `__str__`
+        text = ""
+    return f"{type(error).__name__}: {shortened(text, 500)}" if text else type(error).__name__
 
 
 @dataclass(frozen=True)
@@ -85,6 +102,11 @@ class Failure:
     owner: str
     version: str
     error: BaseException
+
+    @property
+    def said(self) -> str:
+        """The error in one line."""
+        return described(self.error)
 
 
 @dataclass
@@ -109,8 +131,18 @@ class Registry:
         """Add a part; one of a file takes the place of an installed one where `files_win`.
 
         Raises:
-            UserError: the kind is unknown, or the name is taken; both owners are named.
+            UserError: the kind is unknown, the name is none or taken, or there is no class; the owner is named.
         """
+        if not (isinstance(entry.name, str) and re.fullmatch(NAME, entry.name)):
+            raise UserError(
+                f"{shown(entry.name)} is no name for the {entry.kind} of {entry.owner}: take up to 100 letters, "
+                f"digits, '.', '_' and '-', the first a letter or a digit"
+            )
+        if not isinstance(entry.target, type | str):
+            raise UserError(
+                f"{entry.kind} '{entry.name}' of {entry.owner} is {shown(entry.target)}: register its class, or text "
+                f"'module:Class' that says where it is"
+            )
         if entry.kind not in KINDS:
             raise UserError(f"'{entry.kind}' is not a kind of part: {did_you_mean(entry.kind, KINDS)}")
         taken = self.entries.get((entry.kind, entry.name))

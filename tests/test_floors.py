@@ -46,6 +46,7 @@ FLOORS = {
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.plugin_guard": 0,
     "pcsr.mistakes": 0,
     "pcsr.extras": 0,
 }
@@ -58,6 +59,7 @@ SAME_FLOOR = {
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
     ("pcsr.extras", "pcsr.errors"),
+    ("pcsr.plugin_guard", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.errors"),
     ("pcsr.geometry", "pcsr.extras"),
     ("pcsr.geometry", "pcsr.tensors"),

@@ -1,16 +1,20 @@
 """`pcsr plugins check`: hold a part to the contract of its kind."""
 
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from pcsr.cli.check_process import Job, item, outcomes
 from pcsr.cli.options import FILE, winning_plugin_option
 from pcsr.errors import RunError, UserError, did_you_mean
 
 if TYPE_CHECKING:
-    from pcsr.contracts import Item
     from pcsr.registry import Entry, Registry
+    from pcsr.testing import Outcome
 
 
 @click.command()
@@ -25,6 +29,14 @@ if TYPE_CHECKING:
 )
 @click.option("--mesh", type=FILE, default=None, help="What a touch source is to touch.  [default: an egg, 60 mm long]")
 @click.option("--upsampler", default=None, metavar="NAME", help="What an objective is made for, if not for any.")
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(0.1, 86_400),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Of each check; one that runs on has failed.",
+)
 @winning_plugin_option
 def check(
     name: str,
@@ -32,6 +44,7 @@ def check(
     overrides: tuple[str, ...],
     mesh: Path | None,
     upsampler: str | None,
+    time_limit: float,
     registry: "Registry",
 ) -> None:
     """Check whether a part keeps the contract of its kind.
@@ -44,13 +57,22 @@ def check(
 
     entries = _found(name, kind, registry)
     require({package: user for entry in entries for package, user in _needs(entry).items()})
-    hosts: dict[str, dict[str, Any]] = {
-        "touch": {} if mesh is None else {"item": _item(mesh)},
-        "objective": {} if upsampler is None else {"upsampler": registry.get("upsampler", upsampler)},
-    }
+    # Mistakes in the options are told before the first check takes its time.
+    if mesh is not None:
+        item(mesh)
+    if upsampler is not None:
+        registry.get("upsampler", upsampler)
+    jobs = []
     for entry in entries:
-        _options(entry, overrides)  # a mistake in them is told before the first check takes its time
-    failed = [entry for entry in entries if not _run(entry, _options(entry, overrides), hosts.get(entry.kind, {}))]
+        entry.load()
+        job = Job(entry.kind, entry.name, _options(entry, overrides))
+        if entry.kind == "touch":
+            job = replace(job, mesh=mesh)
+        elif entry.kind == "objective":
+            job = replace(job, upsampler=upsampler)
+        jobs.append(job)
+    of_parts = itertools.groupby(outcomes(jobs, registry.files, time_limit), lambda pair: pair[0])
+    failed = [entries[number] for number, pairs in of_parts if not _show(entries[number], (one for _, one in pairs))]
     if failed:
         names = ", ".join(f"{entry.kind} '{entry.name}'" for entry in failed)
         raise RunError(f"{names} failed: what to do stands beside each check that did")
@@ -130,26 +152,14 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     return {key: getattr(checked, key) for key in given}
 
 
-def _run(entry: "Entry", options: dict[str, Any], host: dict[str, Any]) -> bool:
-    """Run all checks of a part, a line each; whether none failed."""
-    from pcsr.testing import checks_for
-
+def _show(entry: "Entry", came: "Iterable[Outcome]") -> bool:
+    """Print what comes of the checks of a part, a line each; whether none failed."""
     click.echo(f"{entry.kind} '{entry.name}' of {entry.owner} {entry.version}")
     counts = {"passed": 0, "skipped": 0, "failed": 0}
-    for one in checks_for(entry.load(), **host, **options):
-        outcome = one.outcome()
+    for outcome in came:
         counts[outcome.result] += 1
         said = f": {outcome.said}" if outcome.said else ""
         mark = "FAILED" if outcome.result == "failed" else outcome.result
         click.echo(f"  {mark:7} {outcome.check}{said}")
     click.echo(f"  {', '.join(f'{count} {result}' for result, count in counts.items())}")
     return not counts["failed"]
-
-
-def _item(mesh: Path) -> "Item":
-    from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.contracts import Item
-
-    if not mesh.is_file():
-        raise UserError(f"--mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
-    return Item(mesh.name, mesh.name, read_mesh(mesh))

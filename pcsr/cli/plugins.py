@@ -40,10 +40,8 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
         note = " (not reachable: pcsr has a command of this name)" if command in COMMANDS else ""
         console.print(f"command {command} comes from {owners}{note}", markup=False, soft_wrap=True)
     for failure in registry.failures:
-        kind = type(failure.error).__name__
         console.print(
-            f"{failure.owner} {failure.version} failed to load: {kind}: {failure.error} "
-            f"(pcsr plugins --why {failure.owner})",
+            f"{failure.owner} {failure.version} failed to load: {failure.said} (pcsr plugins --why {failure.owner})",
             style="red",
             markup=False,
             soft_wrap=True,

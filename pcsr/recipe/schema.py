@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from pcsr.plugin_guard import guarded
 from pcsr.registry import Registry
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
@@ -36,7 +37,9 @@ class PartSpec(Section):
 
     def build(self, registry: Registry, kind: str, *host: Any) -> Any:
         """An instance of the part; `host` is what the host hands in, such as `Widths`."""
-        return registry.get(kind, self.use)(*host, **self.options)
+        part = registry.get(kind, self.use)
+        with guarded(f"the constructor of {kind} '{self.use}'"):
+            return part(*host, **self.options)
 
     def needs(self, registry: Registry, kind: str) -> dict[str, str]:
         """The packages that the part needs, and its name, as `pcsr.extras.require` takes them."""

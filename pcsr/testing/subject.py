@@ -14,6 +14,7 @@ from torch import nn
 import pcsr.contracts
 from pcsr.contracts import Encoder, Item, Upsampler, Widths
 from pcsr.errors import UserError
+from pcsr.plugin_guard import watched
 from pcsr.registry import KINDS
 from pcsr.testing.check import Check, CheckFailed, Skipped, said
 
@@ -57,7 +58,7 @@ class Subject:
 
         def guarded() -> None:
             try:
-                with torch.random.fork_rng(devices=[]):
+                with torch.random.fork_rng(devices=[]), watched() as changes:
                     torch.manual_seed(0)
                     run(self)
             except (CheckFailed, Skipped):
@@ -66,6 +67,12 @@ class Subject:
                 raise self.failure(
                     f"it raised {said(error)}", f"that the check '{name}' runs through", "see where the error arose"
                 ) from error
+            if changes:
+                raise self.failure(
+                    f"it changed {' and '.join(changes)}",
+                    "that a part leaves the process around it as it is",
+                    "hand the dtype, the device and the like to each function that takes them",
+                )
 
         return Check(name, guarded)
 

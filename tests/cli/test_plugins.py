@@ -41,13 +41,13 @@ def test_a_part_that_does_not_load_shows_its_error_in_its_row(plugin):
     name = plugin(
         "bad.py",
         "from pcsr import hookimpl\n@hookimpl\ndef pcsr_register(register):\n"
-        "    register.fusion('lost', 'no_such:X')\n    register.fusion('[red]', 'pcsr:Encoder')\n",
+        "    register.fusion('lost', 'no_such:X')\n    register.fusion('red', 'pcsr:[bold]')\n",
     )
     result = invoke("--plugin", name)
     assert result.exit_code == 0
     text = " ".join(result.output.replace("│", " ").split())
     assert "fusion 'lost' of bad.py cannot be loaded from 'no_such:X': ModuleNotFoundError" in text
-    assert "which is not a Fusion" in text
+    assert "fusion 'red' of bad.py cannot be loaded from 'pcsr:[bold]': AttributeError" in text
     assert ["fusion", "lost", "bad.py", "file"] in [row[:4] for row in rows(result.output)]
     assert ["fusion", "iterative", "pcsr", "0.1.0"] in [row[:4] for row in rows(result.output)]
 
