@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 from pcsr.errors import UserError
 from pcsr.limits import FREELY, LARGEST_FILE, LARGEST_PIPE, LONGEST_LINE, check_memory, gigabytes
 
-HEAD = LONGEST_LINE + 1
+HEAD = 2 * LONGEST_LINE
 """Bytes that are looked at before the rest is read."""
 CHUNK = 1 << 20
 PATIENCE = 10.0

@@ -65,7 +65,7 @@ def _check(shape: tuple[int, ...], real: bool, kind: object) -> None:
     """
     if len(shape) != 2 or shape[1] != 3:
         hint = ": transpose it" if len(shape) == 2 and shape[0] == 3 else ": one row for each point"
-        hint = ": take its first three columns, [:, :3]" if len(shape) == 2 and shape[1] > 3 else hint
+        hint = ": take its first three columns, [:, :3]" if len(shape) == 2 and shape[1] > 3 and shape[0] != 3 else hint
         raise UserError(f"a cloud has the shape (n, 3), got {tuple(shape)}{hint}")
     if not real:
         raise UserError(f"a cloud's coordinates are real numbers, got {kind}")

@@ -27,7 +27,7 @@ DEEPEST = 32
 """Tuples may be nested so far. Hashing a deeper one could overflow the stack of the interpreter itself."""
 LARGEST_PICKLE = 1 << 28
 """Bytes of the largest pickle: 256 MiB."""
-STEPS = 5 * 10**6
+STEPS = 10**6
 """Steps of the longest pickle, each of which may make an object; arrays are one step, whatever their size."""
 LARGEST = 10**7
 """So many items may a tuple hold with all that is nested in it, each as often as it is there: hashing visits all."""

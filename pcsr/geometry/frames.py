@@ -47,7 +47,8 @@ class UnitSphere:
         cloud = scaled(cloud, -power)
         centre = cloud.mean(0)
         radius = float(np.linalg.norm(cloud - centre, axis=1).max())
-        sphere = cls(scaled(centre, power), float(np.ldexp(radius, power)))
+        with np.errstate(over="ignore", under="ignore"):
+            sphere = cls(scaled(centre, power), float(np.ldexp(radius, power)))
         if not SMALLEST <= sphere.radius <= LARGEST:
             raise UserError(
                 f"the cloud's radius is {sphere.radius:.4g}: radii of {SMALLEST:g} to {LARGEST:g} can be scaled to 1: "

@@ -27,6 +27,6 @@ def scaled(points: Float[np.ndarray, "*n 3"], power: int) -> Float[np.ndarray, "
     """Points times two to a power; the same array where the power is 0."""
     if power == 0:
         return points
-    with np.errstate(under="ignore"):
+    with np.errstate(under="ignore", over="ignore"):
         made: Float[np.ndarray, "*n 3"] = np.ldexp(points, power)
     return made

@@ -27,7 +27,7 @@ import warnings
 from pathlib import Path
 
 SECONDS = 10.0
-"""That one input may take."""
+"""Of the processor that one input may take: on a busy machine the clock would tell of others."""
 MEGABYTES = 600
 """By which the process may grow for one input."""
 ADDRESSES = 12 << 30
@@ -40,8 +40,8 @@ def attempt(seed, folder, heard):
     from pcsr.errors import PcsrError
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start, said = time.perf_counter(), None
-    faulthandler.dump_traceback_later(SECONDS * 3, exit=True)
+    start, said = time.process_time(), None
+    faulthandler.dump_traceback_later(SECONDS * 6, exit=True)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
@@ -54,7 +54,7 @@ def attempt(seed, folder, heard):
                 raise
             said = "".join(traceback.format_exception(error)[-8:])
     faulthandler.cancel_dump_traceback_later()
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     if said is None and warned:
         said = f"warning: {warned[0].category.__name__}: {warned[0].message} ({warned[0].filename}:{warned[0].lineno})"

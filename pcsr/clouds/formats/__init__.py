@@ -16,6 +16,7 @@ from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import UserError
 from pcsr.files import write_whole
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
+from pcsr.limits import LARGEST_PIPE
 
 T = TypeVar("T")
 
@@ -80,7 +81,9 @@ def read_cloud(path: Path, *, bad: Literal["refuse", "drop"] = "refuse") -> Clou
     return read_cloud_bytes(_content(path), path.suffix, str(path), bad=bad)
 
 
-def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
+def read_cloud_pipe(
+    file: Readable, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse", most: int = LARGEST_PIPE
+) -> Cloud:
     """What `read_cloud` reads, from a pipe: all of it, up to its end.
 
     Args:
@@ -88,12 +91,15 @@ def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Literal["ref
         suffix: of which kind its content is: ".ply".
         name: what messages call it.
         bad: as in `read_cloud`.
+        most: bytes that are read at most.
 
     Raises:
         UserError: as `read_cloud`, or the pipe does not end.
     """
     _by_suffix(suffix, CLOUD_READERS, name)
-    data = read_pipe(file, name, memory=_memory(suffix), check=partial(check_start, suffix=suffix, name=name))
+    data = read_pipe(
+        file, name, most=most, memory=_memory(suffix), check=partial(check_start, suffix=suffix, name=name)
+    )
     return read_cloud_bytes(data, suffix, name, bad=bad)
 
 

@@ -64,7 +64,10 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
         raise UserError(f"'{info.filename}' is compressed in a way that NumPy does not use: save it by numpy.savez")
     with archive.open(info) as file:
         try:
-            return read_array(cast(BufferedIOBase, file), info.file_size)
+            array = read_array(cast(BufferedIOBase, file), info.file_size)
+            if file.read(1):  # and so its checksum is looked at
+                raise UserError("it goes on after its array: get the file again")
+            return array
         except UserError as error:
             raise UserError(f"{info.filename}: {error}") from error
 

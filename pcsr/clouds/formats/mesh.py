@@ -126,7 +126,8 @@ def read_mesh(path: Path) -> "Trimesh":
         raise UserError(f"{path}: no mesh format '{suffix}': {', '.join(MESHES)} are known")
     data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
     try:
-        mesh: Trimesh = _scene(data, suffix[1:]).to_mesh()
+        with np.errstate(all="ignore"):  # trimesh's arithmetic; who measures looks for vertices that are not finite
+            mesh: Trimesh = _scene(data, suffix[1:]).to_mesh()
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over

@@ -73,6 +73,8 @@ def _of_mesh(mesh: Any, sizes: list[int]) -> int:
 def _size(accessor: Any, most: int) -> int:
     """Bytes that an accessor becomes; refuses one that claims more than its file has."""
     count, numbers, each = accessor["count"], NUMBERS[accessor["type"]], BYTES[accessor["componentType"]]
-    if not isinstance(count, int) or count < 0 or (count * numbers * each > most and "bufferView" in accessor):
+    if not isinstance(count, int):
+        raise TypeError(count)
+    if count < 0 or (count * numbers * each > most and "bufferView" in accessor):
         raise UserError(f"an array of its meshes has {count} items, and the file has {most} bytes")
     return 8 * count * numbers
