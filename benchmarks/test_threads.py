@@ -18,7 +18,7 @@ import pytest
 
 from pcsr.threads import PASSIVE, WAITING
 
-ROUNDS, ROUNDS_BESIDE = 7, 5
+ROUNDS, ROUNDS_BESIDE = 5, 3
 BUSY = os.cpu_count() or 1
 """Processes that do nothing but compute: one for each core."""
 WORK = {
