@@ -1,6 +1,7 @@
 """Options that several commands share."""
 
 import functools
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -97,6 +98,20 @@ def jobs_option(text: str) -> Callable[[Callable[..., Result]], Callable[..., Re
     """Give a command `--jobs N`, a number of processes that a pool can have; `text` is its help."""
     return click.option("--jobs", type=int, default=None, metavar="N", callback=_jobs, help=text)
 
+
+class _Seconds(click.FloatRange):
+    """A number of seconds; `nan` is in no range, and click does not see it."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse what is no number."""
+        seconds = super().convert(value, param, ctx)
+        if math.isnan(seconds):
+            self.fail(f"{value} is no number of seconds", param, ctx)
+        return seconds
+
+
+SECONDS = _Seconds(0.1, 86_400)
+"""The type of a limit of time: up to a day."""
 
 set_option = click.option(
     "--set",

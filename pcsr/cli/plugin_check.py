@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli.check_process import Job, item, outcomes
-from pcsr.cli.options import FILE, winning_plugin_option
+from pcsr.cli.options import FILE, SECONDS, winning_plugin_option
 from pcsr.errors import RunError, UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.option("--upsampler", default=None, metavar="NAME", help="What an objective is made for, if not for any.")
 @click.option(
     "--time-limit",
-    type=click.FloatRange(0.1, 86_400),
+    type=SECONDS,
     default=60.0,
     show_default=True,
     metavar="SECONDS",

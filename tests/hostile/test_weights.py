@@ -73,7 +73,8 @@ NETWORKS = {
     "very wide": ("model.backbone.channels", [20_000, 20_000], "backbone"),
     "wider than any memory": ("model.encoder.channels", 10**12, ""),
     "wider than any number": ("model.encoder.channels", 10**30, ""),
-    "long": ("model.backbone.channels", [8] * 10**6, "layers"),
+    "long": ("model.backbone.channels", [8] * 10**6, "at most 16 items"),
+    "as large as its options allow": ("model.backbone.channels", [2048] * 16, "backbone"),
     "deep": ("model.backbone", {"use": "dense-edge-conv", "layers": 10**6}, "layers"),
     "with large buffers": ("model.upsampler", {"use": "up-down-up", "surplus": 10**9}, ""),
 }
