@@ -44,9 +44,9 @@ def test_free_memory_is_the_least_that_the_system_says(monkeypatch, tmp_path):
 
 def test_what_is_compressed_becomes_no_more_than_points_can():
     limits.check_inflated(1, limits.FREELY)
-    limits.check_inflated(limits.FREELY // 50, limits.FREELY * 2)
+    limits.check_inflated(limits.FREELY // 40, limits.FREELY * 2)
     with pytest.raises(UserError, match="more than 100 times as much"):
-        limits.check_inflated(limits.FREELY // 100, limits.FREELY * 2)
+        limits.check_inflated(limits.FREELY // 60, limits.FREELY * 2)
 
 
 @pytest.mark.parametrize(("count", "words"), [(1.5e9, "1.5 GB"), (537 << 20, "0.563 GB"), (2_000_000, "2 MB")])
