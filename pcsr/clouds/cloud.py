@@ -45,7 +45,10 @@ class Cloud:
     def with_new(self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True) -> "Cloud":
         """A cloud of new points, their columns carried over; the old points come before them unless not kept."""
         if any(about.get("coordinates") in ("float", "f4") for about in self.about.values() if isinstance(about, dict)):
-            points = points.astype(np.float32).astype(np.float64)  # as exact as the old ones, and the file stays single
+            with np.errstate(over="ignore"):
+                single = points.astype(np.float32).astype(np.float64)
+            # As exact as the old ones, and the file stays single; text may have called doubles so.
+            points = single if np.isfinite(single).all() else points
         columns = carry(self.columns, self.points, points)
         if keep:
             points = np.concatenate([self.points, points])

@@ -48,7 +48,6 @@ class Recording:
     """What was left out, and why."""
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a touch that is not finite is left out at the end
 def read(folder: Path | str) -> Recording:
     """Read a recording. A touch that cannot be used is left out, with the reason; the others are not the worse.
 
@@ -64,6 +63,22 @@ def read(folder: Path | str) -> Recording:
         found = _laid_out(folder, plain) if "layout" in plain else _listed(folder, checked(Recorded, plain, ""))
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is left out
+        _sort(folder, found, recording)
+    if not recording.touches:
+        skipped = list(recording.skipped.items())
+        reasons = "".join(f"\n  {name}: {reason}" for name, reason in skipped[:REASONS])
+        reasons += f"\n  and {len(skipped) - REASONS} more" if len(skipped) > REASONS else ""
+        raise UserError(f"{folder}: not one touch could be used{reasons or ': there is none in it'}")
+    return recording
+
+
+def _sort(folder: Path, found: Iterator[tuple[str, Touch | str]], recording: Recording) -> None:
+    """Put each touch into the recording, or the reason why it is of no use.
+
+    Raises:
+        UserError: they are too many.
+    """
     points = 0
     for number, (name, touch) in enumerate(found):
         points += len(touch.points) if isinstance(touch, Touch) else 0
@@ -81,12 +96,6 @@ def read(folder: Path | str) -> Recording:
             recording.names.append(name)
         else:
             recording.skipped[name] = touch
-    if not recording.touches:
-        skipped = list(recording.skipped.items())
-        reasons = "".join(f"\n  {name}: {reason}" for name, reason in skipped[:REASONS])
-        reasons += f"\n  and {len(skipped) - REASONS} more" if len(skipped) > REASONS else ""
-        raise UserError(f"{folder}: not one touch could be used{reasons or ': there is none in it'}")
-    return recording
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -94,3 +94,11 @@ def test_foreign_byte_order_is_turned():
     assert column.dtype == np.int32
     assert column.dtype.isnative
     assert column.tolist() == [2, 1, 0]
+
+
+def test_doubles_that_a_file_calls_floats_stay_what_they_are():
+    cloud = Cloud(np.array([[1e300, 2, 3]]), {}, {"ply": {"coordinates": "float"}})
+    new = np.array([[1e300, 0.1, 0.1]])
+    assert cloud.with_new(new, keep=False).points.tolist() == new.tolist()
+    single = cloud.with_new(new * [0, 1, 1], keep=False).points
+    assert single.tolist() == [[0, np.float32(0.1), np.float32(0.1)]]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it finds odd goes to the terminal
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 """Kinds of files that meshes are read from."""
-MEMORY = 8.0
+MEMORY = 11.0
 """What reading a mesh takes at its peak, in sizes of the file."""
 NORMAL_OF_CORNER = re.compile(r"(?<=\s)(-?\d+)/\d*/(-?\d+)")
 OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
