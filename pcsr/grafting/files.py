@@ -1,10 +1,11 @@
 """Grafts in files: the weights of the network and of its tactile parts, and how to build those again."""
 
 import json
+import textwrap
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
@@ -13,9 +14,12 @@ from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.grafting.assembly import assemble
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.joint import Joint
+from pcsr.grafting.joint import Joint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
 from pcsr.registry import Registry
+
+WIDEST = 10**6
+"""Channels of the widest layer that touch may enter at."""
 
 
 def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | None = None) -> None:
@@ -77,8 +81,25 @@ def _read(path: Path) -> tuple[dict[str, Tensor], Joint, Any, Any]:
         with safe_open(path, "pt") as file:
             card = json.loads((file.metadata() or {})["pcsr"])["graft"]
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            return tensors, Joint(**card["joint"]), card["fusion"], card["touch_encoder"]
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+            return tensors, _joint(card["joint"]), card["fusion"], card["touch_encoder"]
+    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
+    except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        said = textwrap.shorten(str(error), 200)
         raise UserError(
-            f"{path} is not a file of save_graft ({type(error).__name__}: {error}): save the graft again"
+            f"{path} is not a file of save_graft ({type(error).__name__}: {said}): save the graft again"
         ) from error
+
+
+def _joint(said: Any) -> Joint:
+    """The joint that a header describes.
+
+    Raises:
+        ValueError: it describes none.
+    """
+    joint = Joint(**said)
+    words = isinstance(joint.at, str) and isinstance(joint.points, int | str)
+    layouts = joint.layout in get_args(Layout) and joint.points_layout in get_args(PointsLayout)
+    numbers = all(isinstance(number, int) and 0 < number <= WIDEST for number in (joint.width, joint.channels))
+    if not (words and layouts and numbers):
+        raise ValueError("its joint is none")
+    return joint

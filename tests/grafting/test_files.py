@@ -82,3 +82,24 @@ def test_files_of_others_are_refused(tmp_path):
     path.write_bytes(b"hello" * 100)
     with pytest.raises(UserError, match="is not a file of save_graft"):
         load_graft(path, Meeting(None), PLUGINS)
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        [],
+        7,
+        {"graft": 7},
+        {"graft": {"joint": [], "fusion": 1, "touch_encoder": 1}},
+        {"graft": {"joint": {"at": 5, "layout": "bnc", "width": 8}, "fusion": {}, "touch_encoder": {}}},
+        {"graft": {"joint": {"at": "0", "layout": [], "width": 8}, "fusion": {}, "touch_encoder": {}}},
+        {"graft": {"joint": {"at": "0", "layout": "bnc", "width": 10**12}, "fusion": {}, "touch_encoder": {}}},
+        {"graft": {"joint": {"at": "0", "layout": "bnc", "width": 8, "k" * 5000: 1}}},
+    ],
+)
+def test_headers_that_describe_no_graft_are_refused(tmp_path, card):
+    path = tmp_path / "graft.safetensors"
+    save_file({"a": torch.zeros(1)}, path, {"pcsr": json.dumps(card)})
+    with pytest.raises(UserError, match="is not a file of save_graft") as caught:
+        load_graft(path, nn.Sequential(nn.Linear(3, 8)), PLUGINS)
+    assert len(str(caught.value)) < 500
