@@ -11,6 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from pcsr.errors import UserError
 from pcsr.limits import FREELY, LARGEST_FILE, LARGEST_PIPE, LONGEST_LINE, check_memory, gigabytes
+from pcsr.mistakes import shown_path
 
 HEAD = 2 * LONGEST_LINE
 """Bytes that are looked at before the rest is read."""
@@ -142,9 +143,9 @@ def _opened(path: Path) -> FileIO:
         number = os.open(path, flags)
     except OSError as error:
         reason = SOCKET if error.errno == errno.ENXIO else error.strerror or error
-        raise UserError(f"{_shown(path)} cannot be read: {reason}") from error
+        raise UserError(f"{shown_path(path)} cannot be read: {reason}") from error
     except ValueError as error:  # a NUL, which ends names for the system
-        raise UserError(f"{_shown(path)} cannot be read: no file has such a name") from error
+        raise UserError(f"{shown_path(path)} cannot be read: no file has such a name") from error
     kind = stat.S_IFMT(os.fstat(number).st_mode)
     if kind not in (stat.S_IFREG, stat.S_IFIFO):
         os.close(number)
@@ -153,12 +154,6 @@ def _opened(path: Path) -> FileIO:
     if hasattr(os, "set_blocking"):
         os.set_blocking(number, True)
     return FileIO(number, "r")
-
-
-def _shown(path: Path) -> str:
-    """A name for a message: shortened if it is very long, and without characters that nobody sees."""
-    text = "".join(c if c.isprintable() else "�" for c in str(path))
-    return text if len(text) <= 200 else f"{text[:100]}…{text[-50:]} ({len(text)} letters)"
 
 
 def _wait(file: FileIO, path: Path) -> None:

@@ -18,7 +18,7 @@ MOST_COLUMNS = 4096
 MOST_PIXELS = 1 << 24
 """Pixels of the largest image of a touch: 16.8 million, twice as many as a GelSight Mini's camera has."""
 MOST_TOUCHES = 10_000
-"""Touches of one recording: as many as `pcsr touch` makes at most."""
+"""Touches of one recording: five times as many as `pcsr touch` makes at most."""
 MOST_FINGERS = 1_000
 """Fingers of one grasp."""
 MOST_TOUCHED_POINTS = 10**8

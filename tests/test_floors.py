@@ -55,6 +55,7 @@ SAME_FLOOR = {
     ("pcsr.files", "pcsr.errors"),
     ("pcsr.inputs", "pcsr.errors"),
     ("pcsr.inputs", "pcsr.limits"),
+    ("pcsr.inputs", "pcsr.mistakes"),
     ("pcsr.limits", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
