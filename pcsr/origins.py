@@ -16,7 +16,7 @@ PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version":
 """What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
 LONG = 100
 """Characters of a name in a message, of which a card may have millions."""
-ANEW = "They come from another version of its parts: train again, or install that version"
+ANEW = "They may come from another version of its parts: train again, or install that version"
 
 
 def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
