@@ -223,8 +223,8 @@ def others() -> Iterator[Seed]:
     import torch
     from safetensors.torch import save
 
-    from pcsr.data.plan import FORMAT
-    from pcsr.data.shards import CLOUDS, read_card, read_clouds, read_manifest
+    from pcsr.data.dataset import Split
+    from pcsr.data.shards import read_card, read_clouds, read_manifest
     from pcsr.plugins import load_plugins
     from pcsr.recipe import load
     from pcsr.weights.file import read_file
@@ -235,9 +235,13 @@ def others() -> Iterator[Seed]:
         read_file(folder / "weights.safetensors")
 
     def data(folder: Path) -> None:
-        read_manifest(folder)
-        read_card(folder / "test-00000.safetensors")
-        read_clouds(folder / "test-00000.safetensors")
+        for split in read_manifest(folder).splits:
+            Split.load(folder, split)
+
+    def shard(folder: Path) -> None:  # without the manifest, whose hash would refuse most of the damaged ones
+        (path,) = folder.iterdir()
+        read_card(path)
+        read_clouds(path)
 
     def recipe(folder: Path) -> None:
         (path,) = folder.iterdir()
@@ -245,12 +249,9 @@ def others() -> Iterator[Seed]:
 
     card = {"pcsr": json.dumps({"recipe": {"name": "a"}, "version": "0.1.0", "parts": []})}
     yield Seed("weights", {"weights.safetensors": save({"a.weight": torch.ones(3, 2)}, card)}, weights)
-    about = {"fingerprint": "ab", "names": ["a"], "groups": ["a"], "spheres": [[0, 0, 0, 1]], "rejected": {}}
-    shard = save({name: torch.zeros(1, 4, 3) for name in CLOUDS}, {"pcsr": json.dumps(about)})
-    splits = {"test": {"shards": [{"file": "test-00000.safetensors", "sha256": "0" * 64}]}}
-    manifest = {"format": FORMAT, "fingerprint": "ab", "splits": splits, "data": {"points": 4}}
-    files = {"test-00000.safetensors": shard, "manifest.json": json.dumps(manifest).encode()}
+    files = {path.name: path.read_bytes() for path in sorted((REPOSITORY / "tests/data/version_0_1").iterdir())}
     yield Seed("data", files, data)
+    yield Seed("shard", {"test-00000.safetensors": files["test-00000.safetensors"]}, shard)
     for path in sorted((REPOSITORY / "recipes").glob("*.yaml")):
         text = path.read_bytes()
         if b".yaml" not in text:
