@@ -12,6 +12,7 @@ from pcsr.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
+    from pcsr.clouds.formats.mesh import read_mesh
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -36,6 +37,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
+    "read_mesh": "pcsr.clouds.formats.mesh",
     "Register": "pcsr.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.library"),
     "evaluate": "pcsr.measure",
@@ -86,6 +88,7 @@ __all__ = [
     "hookimpl",
     "load",
     "metrics",
+    "read_mesh",
     "recorded",
 ]
 

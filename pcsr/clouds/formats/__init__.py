@@ -236,7 +236,7 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
         reason = textwrap.shorten(reason, 200) or type(error).__name__
-        raise UserError(f"{name} cannot be read as a {suffix} cloud: {reason}") from error
+        raise UserError(f"{name} cannot be read as a {suffix} file: {reason}") from error
 
 
 def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:

@@ -49,7 +49,7 @@ def check_start(head: bytes, suffix: str, name: str) -> None:
     """
     suffix = suffix.lower()
     if not head:
-        raise UserError(f"{name} cannot be read as a {suffix} cloud: it is empty (0 bytes) and holds no points")
+        raise UserError(f"{name} cannot be read as a {suffix} file: it is empty (0 bytes) and holds no points")
     for magic, suffixes in MAGIC.items():
         if head.startswith(magic) and suffix not in suffixes:
             raise UserError(f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it")
@@ -58,7 +58,7 @@ def check_start(head: bytes, suffix: str, name: str) -> None:
             raise UserError(f"{name} is a {kind} file by its content, not a {suffix}: unpack or convert it")
     if not head.startswith(BEGINNINGS.get(suffix, b"")):
         shown = BEGINNINGS[suffix].decode("ascii", "ignore")
-        raise UserError(f"{name} cannot be read as a {suffix} cloud: it does not begin with '{shown}'")
+        raise UserError(f"{name} cannot be read as a {suffix} file: it does not begin with '{shown}'")
     if suffix in TEXT:
         try:
             check_lines(head)

@@ -116,10 +116,19 @@ def _scene(data: bytes, kind: str) -> Any:
 
 
 def read_mesh(path: Path) -> "Trimesh":
-    """The triangles of a mesh file by its suffix; the meshes of a scene are joined into one.
+    """The triangles of a mesh file; the meshes of a scene are joined into one.
+
+    Vertices and faces are as they are in the file: nothing is merged or dropped, and colours and textures are left out.
+
+    Args:
+        path: a `.ply`, `.obj`, `.stl`, `.off` or `.glb` file.
+
+    Returns:
+        A mesh in the file's own frame and unit.
 
     Raises:
-        UserError: it cannot be read, has no faces, or a face names a vertex that is not there.
+        UserError: it cannot be read, is larger than its kind needs to be, has no faces, or a face names a vertex that
+            is not there.
     """
     suffix = path.suffix.lower()
     if suffix not in MESHES:
@@ -127,15 +136,26 @@ def read_mesh(path: Path) -> "Trimesh":
     data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
     try:
         with np.errstate(all="ignore"):  # trimesh's arithmetic; who measures looks for vertices that are not finite
-            mesh: Trimesh = _scene(data, suffix[1:]).to_mesh()
+            mesh = _joined(_scene(data, suffix[1:]))
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
+    except IndexError as error:
+        raise UserError(f"{path} cannot be read as a mesh: a face names a vertex that is not there") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         reason = textwrap.shorten(str(error), 200) or type(error).__name__
         raise UserError(f"{path} cannot be read as a mesh: {reason}") from error
     if not len(mesh.faces):
         raise UserError(f"{path} has no faces: give a mesh, not a cloud")
     check_faces(np.asarray(mesh.faces), len(mesh.vertices), str(path))
+    return mesh
+
+
+def _joined(scene: Any) -> "Trimesh":
+    import trimesh
+
+    for part in scene.geometry.values():
+        part.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
+    mesh: Trimesh = scene.to_mesh()
     return mesh
 
 

@@ -84,7 +84,7 @@ def _check_header(data: bytes) -> None:
     end = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:HEADER], re.MULTILINE)
     if not end:
         raise UserError(
-            f"it cannot be read as a .pcd cloud: its header has no line DATA within {HEADER} bytes: it is cut off"
+            f"it cannot be read as a .pcd file: its header has no line DATA within {HEADER} bytes: it is cut off"
         )
     lines = data[: end.start()].decode("utf-8", "replace").splitlines()
     said = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}

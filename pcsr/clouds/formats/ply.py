@@ -78,7 +78,7 @@ def read(data: bytes) -> Cloud:
     for axis in "xyz":
         if axis not in names:
             known = ", ".join(names)
-            raise UserError(f"it cannot be read as a .ply cloud: '{axis}' is no property of its vertices: {known}")
+            raise UserError(f"it cannot be read as a .ply file: '{axis}' is no property of its vertices: {known}")
     if len(set(names)) < len(names):
         raise UserError(f"two properties of its vertices have one name: {', '.join(names)}")
     table = _text(data[at:], element) if encoding == "ascii" else _binary(data, at, element, ORDERS[encoding])
@@ -100,7 +100,7 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
             if re.match(rb"ply\s", data)
             else "it does not begin with the line 'ply'"
         )
-        raise UserError(f"it cannot be read as a .ply cloud: {what}")
+        raise UserError(f"it cannot be read as a .ply file: {what}")
     encoding, comments, elements = "", [], list[Element]()
     # Comments may be in any encoding: what is not UTF-8 is carried through as it is.
     for line in found[1].decode("utf-8", "surrogateescape").replace("\r", "").split("\n")[1:]:
@@ -118,7 +118,7 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
             case []:
                 pass
             case _:
-                raise UserError(f"it cannot be read as a .ply cloud: its header has the line '{line.strip()[:80]}'")
+                raise UserError(f"it cannot be read as a .ply file: its header has the line '{line.strip()[:80]}'")
     if encoding not in ORDERS:
         raise UserError(f"its format is '{encoding[:80]}': {', '.join(ORDERS)} are known")
     if any(len(element.properties) > MOST_COLUMNS for element in elements):

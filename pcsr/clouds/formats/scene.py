@@ -22,7 +22,7 @@ def check_scene(data: bytes) -> None:
     """
     size = int.from_bytes(data[12:16], "little")
     if len(data) < 20 or data[16:20] != b"JSON" or len(data) < 20 + size:
-        raise UserError("it cannot be read as a .glb cloud: it is cut off, or its first part is not its JSON")
+        raise UserError("it cannot be read as a .glb file: it is cut off, or its first part is not its JSON")
     if size > LARGEST_JSON:
         raise UserError(f"its JSON has {size} bytes, and {LARGEST_JSON} are the most")
     try:

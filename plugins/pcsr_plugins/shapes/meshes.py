@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from pydantic import Field
 
-from pcsr import Item, Shapes, UserError
+from pcsr import Item, Shapes, UserError, read_mesh
 from pcsr_plugins.shapes.soundness import check_mesh
 from pcsr_plugins.shapes.table import read_table
 
@@ -135,19 +135,7 @@ def _suffixes() -> str:
 
 def _load(path: Path) -> trimesh.Trimesh:
     """The file's triangles, checked, then with equal corners merged: STL repeats each for every face."""
-    try:
-        # Unprocessed: processing drops faces that are not finite, and whoever exported them should know.
-        scene = trimesh.load_scene(path, process=False, skip_materials=True)
-        for geometry in scene.geometry.values():
-            geometry.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
-        loaded = scene.to_mesh()
-    except ImportError as error:  # trimesh looks for help with what it cannot make sense of
-        raise UserError(
-            f"{path} cannot be read as a mesh: it is damaged, or no {path.suffix or 'mesh'}; {_suffixes()} are read"
-        ) from error
-    except Exception as error:  # the readers raise whatever a malformed file makes them trip over
-        raise UserError(f"{path} cannot be read as a mesh: {type(error).__name__}: {error}") from error
-    mesh = check_mesh(loaded, str(path))
+    mesh = check_mesh(read_mesh(path), str(path))
     # Equal to the last bit: trimesh's own merging has a grid of 1e-8, in whatever unit the file is.
     corners, of = np.unique(np.asarray(mesh.vertices, np.float64), axis=0, return_inverse=True)
     return trimesh.Trimesh(corners, of.reshape(-1)[np.asarray(mesh.faces)], process=False)

@@ -151,7 +151,7 @@ def test_normals_stay_upright_where_a_scene_is_stretched_and_turned(tmp_path):
         (".off", "OFF\n0 0 0\n", "holds no points"),
         (".off", "OFF\n3 0 0\n1 2 3\n4 5 6\n", "cut off: 2 of its 3 points"),
         (".off", "NOFF\n1 0 0\n1 2 3\n", "have 3 numbers each, at least 6"),
-        (".glb", "glTF noise", "cannot be read as a .glb cloud"),
+        (".glb", "glTF noise", "cannot be read as a .glb file"),
         (".stl", "solid nothing\nendsolid\n", "."),
     ],
 )

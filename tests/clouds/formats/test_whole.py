@@ -170,7 +170,7 @@ def test_bytes_that_are_changed_give_a_cloud_or_a_reason(suffix, at, byte, encod
 def test_an_empty_file_and_noise_are_named(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     path.write_bytes(b"")
-    with pytest.raises(UserError, match=rf"a\{suffix} cannot be read as a \{suffix} cloud: it is empty \(0 bytes\)"):
+    with pytest.raises(UserError, match=rf"a\{suffix} cannot be read as a \{suffix} file: it is empty \(0 bytes\)"):
         read_cloud(path)
     path.write_bytes(b"\x00\xff noise")
     with pytest.raises(UserError, match=rf"a\{suffix}"):

@@ -83,7 +83,7 @@ def test_a_damaged_cloud_is_left_out(tmp_path):
     (tmp_path / "pc_2.pcd").write_text("noise")
     recording = say(tmp_path, poses={"1": STILL, "2": STILL})
     assert recording.names == ["pc_1.pcd"]
-    assert "pc_2.pcd: it cannot be read as a .pcd cloud" in recording.skipped["pc_2.pcd"]
+    assert "pc_2.pcd: it cannot be read as a .pcd file" in recording.skipped["pc_2.pcd"]
 
 
 def test_a_folder_without_clouds_is_refused(tmp_path):
