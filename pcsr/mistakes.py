@@ -2,10 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from reprlib import Repr
 from typing import Any
 
 LONGEST = 80
 """Characters of a value that a message shows."""
+_repr = Repr()
+"""Writes a value without going into all of it: written out in full, lists in lists may never end."""
+_repr.maxlevel = 4
+_repr.maxlist = _repr.maxtuple = _repr.maxdict = _repr.maxset = 32
+_repr.maxstring = _repr.maxlong = _repr.maxother = 2 * LONGEST
 
 Context = Mapping[str, Any]
 
@@ -26,7 +32,7 @@ def shown(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > 4 * LONGEST:  # Python refuses to write very long ones
         return f"a number of about {round(value.bit_length() * 0.30103)} digits"
     try:
-        return shortened(repr(value))
+        return shortened(_repr.repr(value))
     except (ValueError, RecursionError, MemoryError):
         return f"a {type(value).__name__}"
 

@@ -3,9 +3,10 @@
 import hashlib
 import importlib.util
 from collections.abc import Iterable, Iterator
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from modulefinder import ModuleFinder
 from pathlib import Path
+from typing import Any
 
 LENGTH = 12
 """Hexadecimal digits of a hash."""
@@ -71,8 +72,9 @@ def _local_modules(file: Path) -> list[Path]:
     return [path for path in {one.resolve() for one in found} | {file} if path.is_relative_to(file.parent)]
 
 
-def _packages(found: Distribution) -> set[str]:
+def _packages(found: Any) -> set[str]:
     """The modules and packages of a distribution, by the names that they are imported by."""
+    # Not `Distribution`: where the backport importlib_metadata was imported, it gives those of its own class.
     announced = {point.module.partition(".")[0] for point in found.entry_points if point.group == GROUP}
     return announced | set((found.read_text("top_level.txt") or "").split())
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import StringIO
-from typing import Any, TextIO
+from typing import Any
 
 from pcsr.errors import PcsrWarning
 
@@ -250,7 +250,7 @@ class _Stream:
 class _StandIn:
     """A stream in another's place: it passes everything on, but closing it closes nothing."""
 
-    def __init__(self, stream: TextIO | None) -> None:
+    def __init__(self, stream: Any) -> None:
         self._stream = stream
         self.closed = False
 

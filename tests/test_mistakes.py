@@ -69,9 +69,16 @@ def test_a_value_is_shown_in_one_short_line():
 def test_a_list_that_holds_itself_is_shown():
     endless: list[Any] = []
     endless.append(endless)
-    assert shown(endless) == "[[...]]"
+    assert shown(endless) == "[[[[[...]]]]]"
 
 
 def test_a_short_value_is_shown_as_it_is():
     assert [shown(one) for one in ("a", 3, 1.5, None, [1, "b"])] == ["'a'", "3", "1.5", "None", "[1, 'b']"]
     assert shown(10**10_000) == "a number of about 10000 digits"
+
+
+def test_lists_in_lists_that_would_never_end():
+    value = [0]
+    for _ in range(64):  # written out it has 2^64 numbers
+        value = [value, value]
+    assert len(shown(value)) <= LONGEST + 1

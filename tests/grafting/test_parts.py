@@ -47,7 +47,7 @@ class JoinsToo(Bias):
         ({"fusion": {"use": "concat", "touches": "two"}}, r"fusion 'concat'\.touches: it must be a whole number"),
         ({"fusion": {"pool": "none"}}, r"fusion \{'pool': 'none'\}: give a name"),
         ({"touch_encoder": {"use": "unet", "channels": {1}}}, "encoder 'unet': options are what JSON can write"),
-        ({"touch_encoder": {"use": "unet", "channels": -8}}, r"encoder 'unet' cannot be built with .*-8"),
+        ({"touch_encoder": {"use": "unet", "channels": -8}}, "encoder 'unet'.channels: it must be 2 or more, got -8"),
         ({"fusion": "none"}, "fusion 'none' joins touched points.*cannot tell which outputs"),
         ({"fusion": JoinsToo(Widths())}, "fusion 'JoinsToo' joins touched points"),
         (

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from pcsr import contracts
-from pcsr.checkpoint import OURS
 from pcsr.cli.plugin_new import distribution
 from pcsr.clouds.touch import Touch
 from pcsr.plugins import load_plugins
-from pcsr.registry import KINDS
+from pcsr.registry import KINDS, OURS
 from pcsr.testing.construction import TRAITS
 
 DOCS = Path(__file__).parents[2] / "docs" / "parts"

@@ -96,7 +96,7 @@ def test_too_few_touches_are_counted_with_what_was_left_out(tmp_path):
         felt(tmp_path, 3)
     message = str(caught.value)
     assert message.startswith(f"part: 3 touches are asked for, and {tmp_path} holds 2 of use; left out were b: ")
-    assert "1.ply: it cannot be read" in message
+    assert "1.ply cannot be read as a .ply file" in message
     assert len(felt(tmp_path, 2)) == 2
 
 
