@@ -8,7 +8,7 @@ from typing import Any
 from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.recipe import MODEL, Recipe
-from pcsr.recipe.compose import PARTS
+from pcsr.recipe.merge import PARTS
 from pcsr.recipe.source import Keys
 from pcsr.registry import FILE, OURS, Registry
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from safetensors.torch import load_file
 
 import pcsr
-from pcsr import run, train
+from pcsr import train, trained
 from pcsr.checkpoint import read_card
 from pcsr.cli import pcsr as command
 from pcsr.errors import RunError, UserError
@@ -167,7 +167,7 @@ def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a
 
     monkeypatch.setattr(train, "_step", counted)
     with monkeypatch.context() as patched:
-        patched.setattr(run, "save_weights", full)
+        patched.setattr(trained, "save_weights", full)
         said = call("--retrain", code=RunError.exit_code)
     assert "--retrain: training, 1 epochs" in said
     assert len(steps) == 2, "from the first step"
@@ -245,7 +245,7 @@ def test_weights_that_did_not_note_their_code_are_not_taken_for_those_of_this_co
     assert of_other_code(recipe, card["data_fingerprint"], Path("runs"), registry) is None
     del card["recipe"]["code"], card["settings_fingerprint"]
     card["fingerprint"] = recipe.settings_fingerprint  # as pcsr 0.1.0 wrote it
-    run.save_weights(path, pcsr.load(path, plugins=["mine.py"]).network, card, registry)
+    trained.save_weights(path, pcsr.load(path, plugins=["mine.py"]).network, card, registry)
     path.parent.rename("runs/smoke-of-old")
     said = " ".join(call().split())
     assert "runs/smoke-of-old was trained by a version of pcsr that did not note the code of" in said

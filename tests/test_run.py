@@ -10,18 +10,18 @@ from rich.progress import Progress
 from safetensors.torch import load_file
 
 from pcsr import UserError
-from pcsr import run as module
 from pcsr.checkpoint import load_weights, read_card, save_weights
-from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import chamfer
 from pcsr.model import build
+from pcsr.place import Place, run_folder
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
 from pcsr.recipe.schema import Weights
-from pcsr.run import Place, _trained, packages, run_folder
+from pcsr.run import packages
 from pcsr.train import train
+from pcsr.trained import trained
 
 ROOT = Path(__file__).parents[1]
 TINY = [
@@ -247,7 +247,7 @@ def finished(recipe, registry, tmp_path):
             raise UntrainedError
 
         with Progress(disable=True) as progress:
-            return _trained(of, registry, data, untrained, fabric(), Place(runs=tmp_path / "runs"), progress)
+            return trained(of, registry, data, untrained, fabric(), Place(runs=tmp_path / "runs"), progress)
 
     return leave, ask
 
@@ -319,13 +319,3 @@ def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, b
         one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
     place = Place(data=(Path("data"),) if built else ())
     assert packages(one, registry, place).keys() == needed | {"lightning_fabric", "plotly"}
-
-
-def test_reading_much_data_is_shown(monkeypatch):
-    built = Built.read([ROOT / "tests" / "data" / "version_0_1"])
-    for moment, described in ((module.MOMENT, []), (0, ["checking the train data"])):
-        monkeypatch.setattr(module, "MOMENT", moment)
-        progress = Progress(disable=True)
-        assert len(module._checked(built, "train", progress)) == 2
-        assert [task.description for task in progress.tasks] == described
-        assert all(task.finished for task in progress.tasks)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pcsr.recipe.compose import PARTS
+from pcsr.recipe.merge import PARTS
 from pcsr.recipe.schema import Recipe, options_model
 from pcsr.registry import Registry
 

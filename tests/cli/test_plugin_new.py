@@ -17,7 +17,7 @@ from pcsr.cli import pcsr
 from pcsr.cli.plugin_new import NAME, SECTIONS, distribution
 from pcsr.errors import UserError
 from pcsr.plugins import load_plugins
-from pcsr.recipe.compose import PARTS
+from pcsr.recipe.merge import PARTS
 from pcsr.registry import KINDS
 
 

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.recipe import RecipeError
-from pcsr.recipe.compose import _expand, assign, compose, merge, spell_out
+from pcsr.recipe.compose import compose
+from pcsr.recipe.matrix import expand
+from pcsr.recipe.merge import assign, merge, spell_out
 from pcsr.recipe.schema import DEFAULTS, NAME
 from pcsr.recipe.source import Place, Source, parse
 
@@ -253,7 +255,7 @@ def test_runs_of_a_matrix_are_numbered_where_their_labels_are_the_same(write):
 @given(st.lists(st.integers(-9, 9) | st.text("aB-_. ", max_size=3), min_size=1, max_size=6))
 def test_every_run_of_a_matrix_has_a_legal_name_of_its_own(values):
     recipe = source({"name": "a", "matrix": {"data.key": values}})
-    names = [run.data["name"] for run in _expand(recipe)]
+    names = [run.data["name"] for run in expand(recipe)]
     assert len(set(names)) == len(values)
     assert all(re.fullmatch(NAME, name) for name in names)
 

@@ -2,8 +2,8 @@
 
 import json
 
-from pcsr.recipe.compose import PARTS
 from pcsr.recipe.json_schema import json_schema
+from pcsr.recipe.merge import PARTS
 
 
 def choices(schema, kind):

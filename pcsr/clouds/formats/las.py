@@ -2,6 +2,7 @@
 
 import copy
 import warnings
+from contextlib import nullcontext
 from io import BytesIO
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
-from pcsr.clouds.formats.laz import DAMAGED, check_chunks
+from pcsr.clouds.formats.laz import check_chunks, panics_as_errors
 from pcsr.errors import UserError
 from pcsr.extras import imported, remedy, require
 from pcsr.limits import check_inflated
@@ -34,16 +35,12 @@ def read(data: bytes) -> Cloud:
     laspy = imported("laspy", USER)
     _check_counts(data)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), panics_as_errors() if data[104] > 127 else nullcontext():
             warnings.simplefilter("ignore")  # of what it finds odd in a header
             las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
         hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
-    except BaseException as error:  # lazrs ends in a panic of Rust's, which is no `Exception`
-        if type(error).__name__ != "PanicException":
-            raise
-        raise UserError(DAMAGED) from error
     if len(las.points) != las.header.point_count:
         raise UserError(f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there")
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]

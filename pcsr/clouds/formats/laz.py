@@ -1,6 +1,10 @@
 """LAZ's table of chunks, looked at before lazrs does: it would take whatever memory the table asks for, or give up."""
 
 import importlib
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 
 import numpy as np
@@ -84,3 +88,30 @@ def _record(data: bytes) -> bytes:
             return data[at + RECORD : at + RECORD + size]
         at += RECORD + size
     raise UserError("it is said to be compressed, and no record says how: get the file again")
+
+
+@contextmanager
+def panics_as_errors() -> Iterator[None]:
+    """Turn a panic of lazrs into an error, without the report that Rust writes to standard error.
+
+    What others write there meanwhile is written once the block ends, or lost if it ends in a panic.
+
+    Raises:
+        UserError: lazrs panicked.
+    """
+    with tempfile.TemporaryFile() as held:
+        stderr = os.dup(2)
+        os.dup2(held.fileno(), 2)
+        try:
+            yield
+        except BaseException as error:  # a panic is no `Exception`
+            if type(error).__name__ != "PanicException":
+                raise
+            held.truncate(0)
+            raise UserError(DAMAGED) from error
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            held.seek(0)
+            while some := held.read(1 << 16):
+                os.write(2, some)

@@ -1,0 +1,29 @@
+"""Where a run computes, and where it keeps things."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pcsr.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where to compute and where to keep things."""
+
+    runs: Path = Path("runs")
+    device: str = "auto"
+    devices: int = 1
+    nodes: int = 1
+    jobs: int | None = None
+    """Processes for data and metrics, all cores by default; and for the batches of all GPUs, two each by default."""
+    data: tuple[Path, ...] = ()
+    """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
+    keep_weights: bool = False
+    """Weights that were trained before the code of a part changed are measured, instead of training again."""
+    retrain: bool = False
+    """The network is trained anew, whatever finished weights there are; they stay until the new ones are finished."""
+
+
+def run_folder(recipe: Recipe, place: Place) -> Path:
+    """The folder of a recipe: the same recipe comes back to it, another never does."""
+    return place.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"
