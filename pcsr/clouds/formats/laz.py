@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -100,7 +101,7 @@ def panics_as_errors() -> Iterator[None]:
         UserError: lazrs panicked.
     """
     with tempfile.TemporaryFile() as held:
-        stderr = os.dup(2)
+        stderr = os.dup(2) if sys.stderr is not None else os.open(os.devnull, os.O_WRONLY)  # of a window it is closed
         os.dup2(held.fileno(), 2)
         try:
             yield
