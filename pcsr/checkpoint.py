@@ -100,7 +100,8 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     checked = _checked(path, recipe, registry, remedy)
     said = other_code(checked, card, registry)
     if said:
-        warnings.warn(f"the weights {path} were {said}", PcsrWarning, stacklevel=2)
+        warnings.warn(f"the weights {path} were {said}: results may differ", PcsrWarning, stacklevel=2)
+        remedy = f"They were {said}: hand in the code that made them, or train again"
     network = _build(path, checked, registry, remedy)
     tensors, _ = read_file(path)
     if "sha256" in card and card["sha256"] != tensors_hash(tensors):

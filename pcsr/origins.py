@@ -147,4 +147,4 @@ def other_code(recipe: Recipe, card: Mapping[str, Any], registry: Registry) -> s
             continue
         shown = [str(one)[:LONG] if one is not None else "version 1" for one in (old, new)]
         said.append(f"{part} of code {ascii(shown[0])[1:-1]}, and this is {shown[1]}")
-    return f"made by {'; '.join(said)}: results may differ" if said else None
+    return f"made by {'; '.join(said)}" if said else None

@@ -18,7 +18,9 @@ from pcsr.clouds.formats import read_points, write_points
 from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
 from pcsr.origins import __file__ as origins
+from pcsr.plugins import load_plugins
 from pcsr.recorded import write
+from pcsr.testing import checks_for
 from pcsr.weights import shipped
 from pcsr.weights.file import __file__ as weights_file
 
@@ -82,3 +84,13 @@ def test_what_messages_are_said_to_say_they_say():
     fragments = [part for row in said for quoted in re.findall("`([^`]+)`", row) for part in quoted.split(" … ")]
     assert len(fragments) >= 9
     assert not [fragment for fragment in fragments if fragment not in source]
+
+
+def test_the_fusion_of_the_readme_keeps_its_contract(tmp_path):
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (code,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "pcsr_register" in block)
+    (tmp_path / "my_fusion.py").write_text(code)
+    fusion = load_plugins([tmp_path / "my_fusion.py"]).get("fusion", "cross-attention")
+    outcomes = [check.outcome() for check in checks_for(fusion)]
+    assert len(outcomes) > 10
+    assert not [one for one in outcomes if one.result == "failed"]

@@ -42,7 +42,7 @@ def compare(
     where: dict[str, Any],
     **parts: tuple[str, ...],
 ) -> None:
-    r"""Train and measure recipes, or one with several parts, alike.
+    """Train and measure recipes, or one with several parts, alike.
 
     Each recipe is run with each combination of the parts that are named. All see the same data; with --seeds too, which
     varies the training alone. The first row of the table is what wins are counted against.
@@ -50,7 +50,7 @@ def compare(
     \b
     pcsr compare recipes/smoke.yaml --fusion concat --fusion iterative --seeds 3
     pcsr compare recipes/tapsr.yaml recipes/pu-transformer.yaml --set train.epochs=5
-    """
+    """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.recipe import load
 
     if not re.fullmatch(NAME, name):

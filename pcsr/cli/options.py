@@ -59,16 +59,24 @@ PLUGIN = _Plugin(path_type=Path)
 
 
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`."""
-    return _with_plugins(command, files_win=False)
+    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`.
+
+    A file that fails to load is refused: whoever names it wants its parts.
+    """
+    return _with_plugins(command, files_win=False, refuse=True)
+
+
+def listed_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
+    """As `plugin_option`, for a command that shows which plugins fail to load."""
+    return _with_plugins(command, files_win=False, refuse=False)
 
 
 def winning_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """As `plugin_option`; a part of a file takes the place of an installed one of the same name."""
-    return _with_plugins(command, files_win=True)
+    """As `listed_plugin_option`; a part of a file takes the place of an installed one of the same name."""
+    return _with_plugins(command, files_win=True, refuse=False)
 
 
-def _with_plugins(command: Callable[..., Result], *, files_win: bool) -> Callable[..., Result]:
+def _with_plugins(command: Callable[..., Result], *, files_win: bool, refuse: bool) -> Callable[..., Result]:
 
     @click.option(
         "--plugin",
@@ -82,7 +90,13 @@ def _with_plugins(command: Callable[..., Result], *, files_win: bool) -> Callabl
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
         from pcsr.plugins import load_plugins
 
-        return command(*args, registry=load_plugins(plugin_files, files_win=files_win), **kwargs)
+        registry = load_plugins(plugin_files, files_win=files_win)
+        named = {str(file) for file in plugin_files}
+        for failure in registry.failures if refuse else ():
+            if failure.owner in named:
+                remedy = f"mend it (pcsr plugins --why {failure.owner} --plugin {failure.owner}), or leave it out"
+                raise UserError(f"--plugin {failure.owner} failed to load: {failure.said}: {remedy}")
+        return command(*args, registry=registry, **kwargs)
 
     return with_registry
 

@@ -36,7 +36,7 @@ NAME = r"[A-Za-z][A-Za-z0-9]*(-[A-Za-z0-9]+)*"
 @click.argument("kind", type=click.Choice(list(SECTIONS)))
 @click.argument("name")
 def new(kind: str, name: str) -> None:
-    r"""Write a distribution with a part of your own.
+    """Write a distribution with a part of your own.
 
     It goes into a new folder NAME: what pip needs, the part in one module, a test that passes as it is, and a README.
     NAME also names the distribution and the part: letters, digits and hyphens.
@@ -45,7 +45,7 @@ def new(kind: str, name: str) -> None:
     pcsr plugins new fusion my-fusion
     pip install -e my-fusion
     pcsr plugins check my-fusion
-    """
+    """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.files import write_text
     from pcsr.plugins import load_plugins
 
@@ -94,8 +94,8 @@ def distribution(kind: str, name: str) -> dict[str, str]:
         raise UserError(f"name '{name[:20]}…' is {len(name)} characters long: at most {LONGEST} make a file's name")
     if (owner := _installed(name)) is not None:
         raise UserError(f"name '{name}': pip would put it in the place of {owner}, which is installed: choose another")
-    if importlib.util.find_spec(module) is not None:
-        raise UserError(f"name '{name}': it would hide the module {module}, which is installed: choose another")
+    if (hidden := importlib.util.find_spec(module)) is not None:
+        raise UserError(f"name '{name}': it would hide the module {module} in {hidden.origin}: choose another")
     values["part"] = part
     return {
         "pyproject.toml": _template("pyproject.toml.txt").substitute(values),

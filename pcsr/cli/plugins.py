@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli import COMMANDS, foreign_commands
-from pcsr.cli.options import plugin_option
+from pcsr.cli.options import listed_plugin_option
 from pcsr.cli.plugin_check import check
 from pcsr.cli.plugin_new import new
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.group(invoke_without_command=True)
 @click.option("--why", "name", metavar="NAME", help="Say why a part or a plugin is there, or why it isn't.")
-@plugin_option
+@listed_plugin_option
 @click.pass_context
 def plugins(context: click.Context, name: str | None, registry: "Registry") -> None:
     """List the parts that recipes may name, and who brings them."""

@@ -34,7 +34,11 @@ PIPE = Path("-")
     help="What to do with points that are not finite.",
 )
 @click.option(
-    "--format", "suffix", default="ply", show_default=True, help="Of what goes through a pipe: ply, xyz, csv, npy …"
+    "--format",
+    "suffix",
+    default="ply",
+    show_default=True,
+    help="What goes through a pipe, or into or out of a file without a suffix: ply, xyz, npy …",
 )
 @click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
 @jobs_option("Processes.  [default: all cores from 20,000 points on]")
@@ -93,7 +97,7 @@ def upsample(
     given = (
         read_cloud_pipe(streams.open_input(), kind, "what came through the pipe", bad=bad)
         if cloud == PIPE
-        else read_cloud(cloud, bad=bad)
+        else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad)
     )
     if given.about.get("dropped"):
         console.print(f"{given.about['dropped']} points were not finite and are left out", style="yellow")

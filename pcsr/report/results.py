@@ -128,7 +128,11 @@ class Results(BaseModel):
     @property
     def machine(self) -> str:
         """Where and how busy, in words."""
-        return ", ".join(f"{key} {value}" for key, value in self.hardware.items() if value is not None)
+        return ", ".join(
+            f"{key} {f'{value:.1f}' if isinstance(value, float) else value}"
+            for key, value in self.hardware.items()
+            if value is not None
+        )
 
     @model_validator(mode="after")
     def _one_number_each(self) -> "Results":

@@ -103,7 +103,7 @@ def test_a_bad_name_is_refused(new, name, tmp_path):
         ("fusion", "its module fusion or class Fusion means something else"),
         ("touches", "its module touches or class Touches means something else"),
         ("torch", "pip would put it in the place of torch, which is installed"),
-        ("json", "it would hide the module json, which is installed"),
+        ("json", "it would hide the module json in "),
     ],
 )
 def test_a_name_that_python_would_mix_up_is_refused(new, name, said, tmp_path):

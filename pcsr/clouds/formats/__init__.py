@@ -74,13 +74,14 @@ READERS: dict[str, Callable[[bytes], np.ndarray]] = {
 WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS}
 
 
-def read_cloud(path: Path, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
+def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
     """A whole cloud from a file, by its suffix: points, colours, normals and every other column.
 
     Of a mesh, the vertices. In the file's own frame and unit.
 
     Args:
         path: the file.
+        suffix: of which kind it is, ".ply" for one; by default its own.
         bad: what to do with rows whose coordinates are not finite: refuse the file, or leave them out and
             put their number into `about["dropped"]`.
 
@@ -88,8 +89,9 @@ def read_cloud(path: Path, *, bad: Literal["refuse", "drop"] = "refuse") -> Clou
         UserError: no such file, an unknown suffix or one of another kind, a file that is damaged or holds no
             points, or points that are not finite.
     """
-    _by_suffix(path.suffix, CLOUD_READERS, str(path))
-    return read_cloud_bytes(_content(path), path.suffix, str(path), bad=bad)
+    suffix = suffix or path.suffix
+    _by_suffix(suffix, CLOUD_READERS, str(path))
+    return read_cloud_bytes(_content(path, suffix), suffix, str(path), bad=bad)
 
 
 def read_cloud_pipe(
@@ -187,7 +189,7 @@ def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
             are not finite.
     """
     _by_suffix(path.suffix, READERS, str(path))
-    return _checked(_decoded(_content(path), path.suffix, str(path), READERS), str(path))
+    return _checked(_decoded(_content(path, path.suffix), path.suffix, str(path), READERS), str(path))
 
 
 def write_points(path: Path, points: Float[np.ndarray, "n 3"]) -> None:
@@ -206,9 +208,9 @@ def _write_bytes(part: Path, data: bytes) -> None:
     part.write_bytes(data)
 
 
-def _content(path: Path) -> bytes:
-    check = partial(check_start, suffix=path.suffix, name=str(path))
-    return read_bytes(path, memory=_memory(path.suffix), check=check)
+def _content(path: Path, suffix: str) -> bytes:
+    check = partial(check_start, suffix=suffix, name=str(path))
+    return read_bytes(path, memory=_memory(suffix), check=check)
 
 
 def _memory(suffix: str) -> float:

@@ -48,7 +48,17 @@ def load_rows(text: str, count: int | None = None) -> np.ndarray:
         try:
             return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
         except ValueError as error:
-            raise UserError(f"its rows of numbers cannot be read: {error}") from error
+            raise UserError(f"its rows of numbers cannot be read: {_why(text, str(error))}") from error
+
+
+def _why(text: str, reason: str) -> str:
+    """What is wrong with rows of numbers, where it is that they are of different widths."""
+    rows = (line.split() for line in text.splitlines())
+    first = next((row for row in rows if row), [])
+    for number, row in enumerate((row for row in rows if row), 2):
+        if len(row) != len(first):
+            return f"row {number} has {len(row)} numbers and the first has {len(first)}: it is cut off or damaged"
+    return reason
 
 
 def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
