@@ -1,6 +1,7 @@
 """`pcsr plugins new`: what it writes works as it is, for every kind; what it can't write it refuses."""
 
 import ast
+import json
 import os
 import re
 import subprocess
@@ -103,7 +104,7 @@ def test_a_bad_name_is_refused(new, name, tmp_path):
         ("fusion", "its module fusion or class Fusion means something else"),
         ("touches", "its module touches or class Touches means something else"),
         ("torch", "pip would put it in the place of torch, which is installed"),
-        ("json", "it would hide the module json in "),
+        ("json", f"it would hide the module json in {json.__file__}"),
     ],
 )
 def test_a_name_that_python_would_mix_up_is_refused(new, name, said, tmp_path):

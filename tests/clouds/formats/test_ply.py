@@ -146,7 +146,10 @@ def header(*lines, count=1):
         (header("property int id", "end_header", "1 2 3 nan"), "'id' holds nan at point 0, which is no int32"),
         (header("end_header", "1 2 3", count=10**15), "cut off: 1 of its 1000000000000000 points"),
         (header("end_header", "1 2 3", count=-1), "the line 'element vertex -1'"),
-        (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9 9", count=2), "has 6 numbers and the first has 5"),
+        (
+            header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9 9", count=2),
+            "has 6 numbers and the first has 5",
+        ),
         (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9", count=2), "different lengths"),
         (header("property list uchar int w", "end_header", "1 2 3 9 9"), "have 5 numbers each, at least 13"),
         (header("end_header", "1 2 3").replace("ascii", "binary"), "its format is 'binary': ascii, "),
