@@ -11,8 +11,14 @@ class PcsrError(Exception):
     """Anything that pcsr itself reports. `exit_code` is what the command line returns."""
 
     exit_code = 1
+
     placed = False
     """Whether each line of the message begins with a place in a file, which editors and terminals make a link."""
+
+    def __str__(self) -> str:
+        """The message. Characters that steer a terminal are written as escapes: names in it may hold them."""
+        letters = super().__str__()
+        return "".join(one if one.isprintable() or one == "\n" else ascii(one)[1:-1] for one in letters)
 
 
 class UserError(PcsrError):

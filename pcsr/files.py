@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pcsr.errors import RunError
+from pcsr.errors import RunError, UserError
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -19,12 +19,26 @@ MODE = 0o666 & ~_umask
 """What others may do with a file, as the system has it for new ones."""
 
 
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Let `write` fill a temporary file beside `path`, which then takes its place.
+def check_target(path: Path) -> None:
+    """Refuse a path at which a whole file cannot be put: a folder, a device, a pipe or a socket.
 
     Raises:
+        UserError: it is one.
+    """
+    if os.path.exists(path) and not os.path.isfile(path):
+        what = "a folder" if os.path.isdir(path) else "a device, a pipe or a socket"
+        raise UserError(f"{path} is {what}, and would be replaced by a file: name a file")
+
+
+def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` fill a temporary file beside `path`, which then takes its place; a link stays, with a new target.
+
+    Raises:
+        UserError: the path is that of a folder, a device, a pipe or a socket.
         RunError: the disk is full, the folder can't be written, or anything else that the system reports.
     """
+    check_target(path)
+    path = Path(os.path.realpath(path)) if path.is_symlink() else path
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

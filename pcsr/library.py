@@ -19,7 +19,7 @@ from pcsr.extras import imported
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.mistakes import shown
 from pcsr.model import Network
-from pcsr.plugins import load_plugins
+from pcsr.plugins import check_files, load_plugins
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
@@ -154,7 +154,9 @@ def load(
     if name == INTERPOLATION:
         return Model(name, None, None, {}, None, files)
     path = _found(name)
-    network, recipe, card = load_weights(path, load_plugins(files))
+    registry = load_plugins(files)
+    check_files(registry)
+    network, recipe, card = load_weights(path, registry)
     try:
         network.to(device)
     except (RuntimeError, AssertionError) as error:

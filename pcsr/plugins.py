@@ -53,6 +53,19 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
     return registry
 
 
+def check_files(registry: Registry) -> None:
+    """Refuse plugin files that failed to load: whoever names one wants its parts.
+
+    Raises:
+        UserError: one did.
+    """
+    named = {str(file) for file in registry.files}
+    for failure in registry.failures:
+        if failure.owner in named:
+            remedy = f"mend it (pcsr plugins --why {failure.owner} --plugin {failure.owner}), or leave it out"
+            raise UserError(f"--plugin {failure.owner} failed to load: {failure.said}: {remedy}")
+
+
 def _name(distribution: Any) -> str:
     # Not `Distribution`: where the backport importlib_metadata was imported, it gives those of its own class.
     return str(distribution.metadata["Name"])

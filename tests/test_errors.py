@@ -17,3 +17,7 @@ def test_a_slip_gets_a_suggestion_and_nonsense_the_whole_list():
     assert did_you_mean("iterativ", ["none", "iterative"]) == "did you mean 'iterative'?"
     assert did_you_mean("xyz", ["none", "iterative"]) == "known: iterative, none"
     assert did_you_mean("xyz", []) == "none is known"
+
+
+def test_characters_that_steer_a_terminal_are_escaped():
+    assert str(pcsr.UserError("column 'a\x1b[2Jb\x07':\nß × 10⁻³")) == "column 'a\\x1b[2Jb\\x07':\nß × 10⁻³"

@@ -8,7 +8,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from pcsr.errors import RunError
+from pcsr.errors import RunError, UserError
 from pcsr.files import save_tensors, write_text, write_whole
 
 
@@ -97,3 +97,25 @@ def test_a_disk_that_takes_no_more_loses_nothing(tmp_path, kind):
     assert path.read_text() == "kept"
     assert names(tmp_path) == ["file"]
     assert os.path.getsize(path) == 4
+
+
+def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "a.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real" / "a.txt")
+    (tmp_path / "new.txt").symlink_to(tmp_path / "real" / "b.txt")
+    for link in ("link.txt", "new.txt"):
+        write_text(tmp_path / link, "new")
+        assert (tmp_path / link).is_symlink()
+    assert {path.name: path.read_text() for path in (tmp_path / "real").iterdir()} == {"a.txt": "new", "b.txt": "new"}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with a name")
+def test_what_is_no_file_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name, what in (("pipe", "a device, a pipe or a socket"), ("folder", "a folder")):
+        with pytest.raises(UserError, match=f"{name} is {what}"):
+            write_text(tmp_path / name, "text")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "pipe"]
+    assert (tmp_path / "pipe").is_fifo()

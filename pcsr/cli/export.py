@@ -8,6 +8,9 @@ import click
 from pcsr.cli.options import FILE, PLUGIN
 from pcsr.errors import UserError
 
+POINTS = click.IntRange(1, 1 << 20)
+"""The type of numbers of points that a graph is made for."""
+
 
 class _Batch(click.IntRange):
     """How many clouds at once: a number, or any."""
@@ -22,14 +25,17 @@ class _Batch(click.IntRange):
 @click.option(
     "-o", "--out", type=FILE, required=True, metavar="OUT", help="The file to write: model.onnx, weights.safetensors."
 )
-@click.option("--touches", type=click.IntRange(0), default=0, show_default=True, help="Touches of each cloud.")
-@click.option("--points", type=click.IntRange(1), default=None, help="Points of a cloud.  [default: as in training]")
+@click.option("--touches", type=click.IntRange(0, 1024), default=0, show_default=True, help="Touches of each cloud.")
+@click.option("--points", type=POINTS, default=None, help="Points of a cloud.  [default: as in training]")
 @click.option(
-    "--touch-points", type=click.IntRange(1), default=None, help="Points of each touch.  [default: as in training]"
+    "--touch-points",
+    type=POINTS,
+    default=None,
+    help="Points of each touch.  [default: as in training]",
 )
 @click.option(
     "--batch",
-    type=_Batch(1),
+    type=_Batch(1, 1024),
     default="dynamic",
     show_default=True,
     metavar="N",

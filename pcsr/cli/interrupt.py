@@ -4,7 +4,7 @@ import os
 import sys
 from types import TracebackType
 
-MESSAGE = "interrupted; the same command again goes on from what is done"
+MESSAGE = "interrupted; what is finished is kept, and no file is half written"
 CODE = 130
 """What shells say of a command that Ctrl-C ended."""
 

@@ -88,14 +88,11 @@ def _with_plugins(command: Callable[..., Result], *, files_win: bool, refuse: bo
     )
     @functools.wraps(command)
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
-        from pcsr.plugins import load_plugins
+        from pcsr.plugins import check_files, load_plugins
 
         registry = load_plugins(plugin_files, files_win=files_win)
-        named = {str(file) for file in plugin_files}
-        for failure in registry.failures if refuse else ():
-            if failure.owner in named:
-                remedy = f"mend it (pcsr plugins --why {failure.owner} --plugin {failure.owner}), or leave it out"
-                raise UserError(f"--plugin {failure.owner} failed to load: {failure.said}: {remedy}")
+        if refuse:
+            check_files(registry)
         return command(*args, registry=registry, **kwargs)
 
     return with_registry

@@ -186,6 +186,8 @@ def read_results(path: Path) -> Results:
         data = json.loads(_text(path))
     except json.JSONDecodeError as error:
         raise UserError(f"{path}:{error.lineno}: {error.msg}; do `pcsr run` again") from error
+    except RecursionError as error:
+        raise UserError(f"{path}: nested too deeply; do `pcsr run` again") from error
     if not isinstance(data, dict):
         raise UserError(f"{path}: not a JSON object; do `pcsr run` again")
     return parse_results(data, str(path))
@@ -207,7 +209,7 @@ def read_history(path: Path) -> list[dict[str, Any]] | None:
             numbers = [step, *([entry["loss"]] if "validation" not in entry else entry["validation"].values())]
             if not all(math.isfinite(number) for number in (*numbers, *entry.get("losses", {}).values())):
                 raise ValueError("not finite")
-        except (ValueError, AttributeError, KeyError, TypeError) as error:
+        except (ValueError, AttributeError, KeyError, TypeError, RecursionError) as error:
             raise UserError(f"{path}:{number}: not a line of a training history; do `pcsr run` again") from error
         history.append(entry)
     return history

@@ -62,8 +62,10 @@ def _opened(path: Path) -> Iterator[Any]:
             raise ValueError(f"its header has {size} bytes, and {HEADER} are the most")
         with safe_open(path, "pt") as file:
             yield file
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
     # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
-    except (SafetensorError, OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+    except (SafetensorError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise UserError(
             f"{path} is not a weights file of pcsr ({said}): get it again, or delete it, and `pcsr run` trains it again"

@@ -115,7 +115,7 @@ def test_commands_of_plugins_are_listed_unloaded_and_loaded_when_called(invoke, 
     [
         (UserError("no such thing"), 2, "pcsr: error: no such thing\n"),
         (RunError("the loss is not finite"), 1, "pcsr: error: the loss is not finite\n"),
-        (KeyboardInterrupt(), 130, "interrupted; the same command again goes on from what is done\n"),
+        (KeyboardInterrupt(), 130, "interrupted; what is finished is kept, and no file is half written\n"),
         (
             OSError(errno.ENOSPC, "No space left on device", "x.bin"),
             1,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pcsr import RunError, UserError
+from pcsr import UserError
 from pcsr.clouds.formats import READERS, WRITERS, read_points, write_points
 
 POINTS = np.array([[1.0, 2.0, 3.0], [0.1, -0.0, 1e-320], [1e300, -7.25, 1 / 3]])
@@ -205,7 +205,7 @@ def test_points_that_could_not_be_read_again_are_not_written(tmp_path, suffix):
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-def test_what_the_system_refuses_is_said(tmp_path):
+def test_a_folder_is_not_replaced(tmp_path):
     (tmp_path / "a.ply").mkdir()
-    with pytest.raises(RunError, match=r"a\.ply could not be written"):
+    with pytest.raises(UserError, match=r"a\.ply is a folder"):
         write_points(tmp_path / "a.ply", POINTS)

@@ -139,7 +139,7 @@ def test_ctrl_c_at_any_moment_is_one_line(folder, seconds):
     if seconds < 0.3 and process.returncode == -signal.SIGINT:
         pytest.skip("the machine is so busy that Python had not begun with pcsr")
     assert process.returncode == 130
-    assert said == ["interrupted; the same command again goes on from what is done"]
+    assert said == ["interrupted; what is finished is kept, and no file is half written"]
     assert not (folder / "out.ply").exists()
 
 
@@ -148,7 +148,7 @@ def test_ctrl_c_while_the_command_line_is_imported(folder, tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run([*PCSR.split(), "--help"], cwd=folder, env=environment, capture_output=True, timeout=60)
     assert done.returncode == 130
-    assert done.stderr.decode() == "interrupted; the same command again goes on from what is done\n"
+    assert done.stderr.decode() == "interrupted; what is finished is kept, and no file is half written\n"
 
 
 def test_warnings_of_libraries_stay_behind_and_those_of_pcsr_are_a_line(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from pcsr import report
-from pcsr.errors import RunError, UserError
+from pcsr.errors import UserError
 from pcsr.report.page import render
 from pcsr.report.results import parse_results, read_examples
 
@@ -177,7 +177,7 @@ def test_a_missing_file_is_named_and_nothing_is_written(run, name):
 
 def test_a_page_that_cannot_be_written_leaves_the_old_one(run):
     (run / "report.html").mkdir()
-    with pytest.raises(RunError, match=r"report\.html could not be written"):
+    with pytest.raises(UserError, match=r"report\.html is a folder"):
         report.write(run)
     assert not list(run.glob(".*"))
 

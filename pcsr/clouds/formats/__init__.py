@@ -14,7 +14,7 @@ from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import UserError
-from pcsr.files import write_whole
+from pcsr.files import check_target, write_whole
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
@@ -146,8 +146,10 @@ def writable(path: Path) -> None:
     """Check that clouds can be written by the suffix of `path`, before the work that makes one.
 
     Raises:
-        UserError: they can't: the suffix is unknown or only read, or a library is missing.
+        UserError: they can't: the suffix is unknown or only read, a library is missing, or the path is that of a
+            folder, a device, a pipe or a socket.
     """
+    check_target(path)
     _by_suffix(path.suffix, CLOUD_WRITERS, str(path))
     if path.suffix.lower() in (".las", ".laz"):
         las.check_installed(compressed=path.suffix.lower() == ".laz")

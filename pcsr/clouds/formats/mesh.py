@@ -115,7 +115,7 @@ def _scene(data: bytes, kind: str) -> Any:
         return trimesh.load_scene(BytesIO(data), file_type=kind, process=False, skip_materials=True)
 
 
-def read_mesh(path: Path) -> "Trimesh":
+def read_mesh(path: str | Path) -> "Trimesh":
     """The triangles of a mesh file; the meshes of a scene are joined into one.
 
     Vertices and faces are as they are in the file: nothing is merged or dropped, and colours and textures are left out.
@@ -130,6 +130,7 @@ def read_mesh(path: Path) -> "Trimesh":
         UserError: it cannot be read, is larger than its kind needs to be, has no faces, or a face names a vertex that
             is not there.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in MESHES:
         raise UserError(f"{path}: no mesh format '{suffix}': {', '.join(MESHES)} are known")

@@ -28,6 +28,9 @@ def check_scene(data: bytes) -> None:
     try:
         tree = json.loads(data[20 : 20 + size])
         nodes = tree.get("nodes", [])
+        if any("sparse" in accessor for accessor in tree.get("accessors", [])) or tree.get("extensionsRequired"):
+            wanted = ", ".join(map(str, tree.get("extensionsRequired", []))) or "sparse accessors"
+            raise UserError(f"it needs {wanted[:80]}, which is not read: export it without")
         sizes = [_size(accessor, len(data)) for accessor in tree.get("accessors", [])]
         meshes = [_of_mesh(mesh, sizes) for mesh in tree.get("meshes", [])]
         _check_tree(nodes)

@@ -54,6 +54,8 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
     shapes = gradients.shape, masks.shape, motions.shape
     if masks.shape[1] * masks.shape[2] > MOST_PIXELS:
         raise UserError(f"{folder}: its frames have shape {masks.shape[1:]}, and {MOST_PIXELS} pixels are the most")
+    if not gradients.size:
+        raise UserError(f"{folder}: gradient_maps.npy of shape {gradients.shape} holds nothing")
     if gradients.shape[3] != 2 or masks.shape != gradients.shape[:3] or motions.shape != (len(masks), 4, 4):
         raise UserError(f"{folder}: gradients, masks and poses of shapes {shapes} do not fit together")
     if len(masks) == 0:

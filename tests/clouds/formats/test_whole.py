@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pcsr import RunError, UserError
+from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOUR_BLOCKS, NORMAL_BLOCKS
 from pcsr.clouds.formats import (
@@ -227,7 +227,7 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path):
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["a.ply"]
     (tmp_path / "b.ply").mkdir()
-    with pytest.raises(RunError, match=r"b\.ply could not be written"):
+    with pytest.raises(UserError, match=r"b\.ply is a folder"):
         write_cloud(tmp_path / "b.ply", CONTENT)
     with pytest.raises(UserError, match=r"none\.ply cannot be read: No such file"):
         read_cloud(tmp_path / "none.ply")
