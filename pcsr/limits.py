@@ -25,8 +25,8 @@ MOST_TOUCHED_POINTS = 10**8
 """Points of all touches of one recording: 2.4 GB."""
 RATIO = 100
 """A file that is compressed becomes at most so many times larger than it is: points shrink to a tenth at best."""
-FREELY = 1 << 28
-"""Bytes that are never too many, whatever they were compressed from or however little memory is free: 256 MiB."""
+FREELY = 1 << 27
+"""Bytes that are never too many, whatever they were compressed from or however little memory is free: 128 MiB."""
 
 
 def gigabytes(count: int | float) -> str:

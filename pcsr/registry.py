@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import shortened, shown
+from pcsr.mistakes import LONGEST, shortened, shown
 from pcsr.part_code import distribution_code, file_code
 from pcsr.plugin_guard import guarded_import
 
@@ -164,7 +164,8 @@ class Registry:
         if entry is None:
             failed = ", ".join(f.owner for f in self.failures)
             hint = f" (these plugins failed to load: {failed}; see `pcsr plugins --why {name}`)" if failed else ""
-            raise UserError(f"there is no {kind} '{name}': {did_you_mean(name, self.names(kind))}{hint}")
+            meant = did_you_mean(name[:LONGEST], self.names(kind))
+            raise UserError(f"there is no {kind} '{shortened(name)}': {meant}{hint}")
         return entry.load()
 
 

@@ -88,9 +88,9 @@ def _near(
 def _mean(column: np.ndarray, near: Int[np.ndarray, "m k"], weight: Float64[np.ndarray, "m k"]) -> np.ndarray:
     """Weighted means of what the near points have, in the column's type."""
     nearest = column[near[:, 0]]
-    values = column[near].astype(np.float64)
     shares = (weight / weight.sum(axis=1, keepdims=True)).reshape(weight.shape + (1,) * (column.ndim - 1))
     with np.errstate(invalid="ignore", over="ignore"):
+        values = column[near].astype(np.float64)
         # As a step from the nearest, so that what is the same everywhere stays exactly the same.
         mean = values[:, 0] + (shares * (values - values[:, :1])).sum(axis=1)
         if column.dtype.kind in "iu":

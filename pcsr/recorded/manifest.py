@@ -25,7 +25,7 @@ def _length(value: Any) -> Any:
 
 
 Length = Annotated[float, Field(gt=0), BeforeValidator(_length)]
-Positive = Annotated[float, Field(gt=0)]
+Positive = Annotated[float, Field(gt=0, le=1e12)]
 NotNegative = Annotated[float, Field(ge=0)]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Sign = Literal["positive", "negative"]
