@@ -19,7 +19,7 @@ from pcsr.extras import imported
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.mistakes import shown
 from pcsr.model import Network
-from pcsr.plugins import check_files, load_plugins
+from pcsr.plugins import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
@@ -155,7 +155,7 @@ def load(
         return Model(name, None, None, {}, None, files)
     path = _found(name)
     registry = load_plugins(files)
-    check_files(registry)
+    warn_of_failures(registry)
     network, recipe, card = load_weights(path, registry)
     try:
         network.to(device)

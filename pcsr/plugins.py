@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import distributions
@@ -17,7 +18,7 @@ from typing import Any
 import pluggy
 
 from pcsr import hookspecs
-from pcsr.errors import PcsrError, UserError, did_you_mean
+from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
 from pcsr.mistakes import shown_path
 from pcsr.part_code import GROUP
 from pcsr.plugin_guard import guarded_import
@@ -53,17 +54,17 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
     return registry
 
 
-def check_files(registry: Registry) -> None:
-    """Refuse plugin files that failed to load: whoever names one wants its parts.
+def warn_of_failures(registry: Registry) -> None:
+    """Say which plugin files failed to load: whoever names one wants its parts.
 
-    Raises:
-        UserError: one did.
+    Warns:
+        PcsrWarning: one did.
     """
     named = {str(file) for file in registry.files}
     for failure in registry.failures:
         if failure.owner in named:
-            remedy = f"mend it (pcsr plugins --why {failure.owner} --plugin {failure.owner}), or leave it out"
-            raise UserError(f"--plugin {failure.owner} failed to load: {failure.said}: {remedy}")
+            why = f"pcsr plugins --why {failure.owner} --plugin {failure.owner}"
+            warnings.warn(f"--plugin {failure.owner} failed to load: {failure.said} ({why})", PcsrWarning, stacklevel=3)
 
 
 def _name(distribution: Any) -> str:

@@ -61,22 +61,22 @@ PLUGIN = _Plugin(path_type=Path)
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`.
 
-    A file that fails to load is refused: whoever names it wants its parts.
+    A warning names each file that fails to load: whoever gives one wants its parts.
     """
-    return _with_plugins(command, files_win=False, refuse=True)
+    return _with_plugins(command, files_win=False, warn=True)
 
 
 def listed_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """As `plugin_option`, for a command that shows which plugins fail to load."""
-    return _with_plugins(command, files_win=False, refuse=False)
+    return _with_plugins(command, files_win=False, warn=False)
 
 
 def winning_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """As `listed_plugin_option`; a part of a file takes the place of an installed one of the same name."""
-    return _with_plugins(command, files_win=True, refuse=False)
+    return _with_plugins(command, files_win=True, warn=False)
 
 
-def _with_plugins(command: Callable[..., Result], *, files_win: bool, refuse: bool) -> Callable[..., Result]:
+def _with_plugins(command: Callable[..., Result], *, files_win: bool, warn: bool) -> Callable[..., Result]:
 
     @click.option(
         "--plugin",
@@ -88,11 +88,11 @@ def _with_plugins(command: Callable[..., Result], *, files_win: bool, refuse: bo
     )
     @functools.wraps(command)
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
-        from pcsr.plugins import check_files, load_plugins
+        from pcsr.plugins import load_plugins, warn_of_failures
 
         registry = load_plugins(plugin_files, files_win=files_win)
-        if refuse:
-            check_files(registry)
+        if warn:
+            warn_of_failures(registry)
         return command(*args, registry=registry, **kwargs)
 
     return with_registry

@@ -68,7 +68,7 @@ def test_an_archive_that_becomes_gigabytes(limited, tmp_path, gigabytes):
     ("points", "said", "words"),
     [
         (10**12, 1000, "points.npy"),
-        (10**12, 200 << 20, "2.4e+04 GB"),
+        (10**12, 100 << 20, "2.4e+04 GB"),
         (10**12, 1 << 60, "would become"),
         (1000, 30_000, "it goes on after its array"),  # there are far more bytes than the directory and the header say
     ],
