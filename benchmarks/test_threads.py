@@ -37,7 +37,7 @@ ASKED = {"quiet": "usual ≥ 0.95 × ours", "busy": "≤ 1.3 × the limit"}
 
 
 class Worker:
-    """A process that does one kind of work when it is told to."""
+    """A process that does one kind of work each time a line is sent to it."""
 
     def __init__(self, work, how, environment):
         clean = {k: v for k, v in os.environ.items() if k not in (*WAITING, "OMP_NUM_THREADS")}

@@ -156,8 +156,8 @@ def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
     console.print(f"shapes: {_plain(data.shapes.model_dump())}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
     table = Table("split", "objects", "groups", "left out", "felt by 1, 2, … touches")
     for split, about in manifest.splits.items():
-        felt = "  ".join(f"{row.p50:.1%}" for row in about.coverage)
-        table.add_row(split, *(str(n) for n in (about.objects, about.groups, len(about.rejected))), felt)
+        covered = "  ".join(f"{row.p50:.1%}" for row in about.coverage)
+        table.add_row(split, *(str(n) for n in (about.objects, about.groups, len(about.rejected))), covered)
     console.print(table)
     console.print("felt: the share of an object's truth that its first touches cover, median over objects", style="dim")
     for split, about in manifest.splits.items():
