@@ -11,9 +11,9 @@ from pathlib import Path
 from safetensors.torch import load_file
 
 import pcsr
-from pcsr.checkpoint import fill, save_weights
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.network.load import fill, save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.foreign.grad_pu import convert
 

@@ -19,8 +19,8 @@ import pcsr
 from pcsr.contracts import Item
 from pcsr.data.sample import Sample, make_sample
 from pcsr.errors import PcsrError, UserError
-from pcsr.library import INTERPOLATION
-from pcsr.plugins import load_plugins
+from pcsr.model import INTERPOLATION
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.weights import DEFAULT
 

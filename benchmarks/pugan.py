@@ -25,8 +25,8 @@ from pcsr import weights
 from pcsr.contracts import Item, Trait
 from pcsr.errors import PcsrError, UserError
 from pcsr.geometry.interpolation import midpoint
-from pcsr.model import Network
-from pcsr.plugins import load_plugins
+from pcsr.network.network import Network
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe
 from pcsr.upsample import upsample_as
 

@@ -14,7 +14,7 @@ from processes import run
 from pcsr.data import sample
 from pcsr.data.sample import make_sample
 from pcsr.geometry.rays import MeshRays
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit

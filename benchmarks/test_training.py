@@ -14,9 +14,9 @@ from lightning_fabric import Fabric
 from training import BATCH, recipe, split
 
 from pcsr.data.batches import Batches
-from pcsr.model import build
-from pcsr.plugins import load_plugins
-from pcsr.train import _optimizer, _step, _Training
+from pcsr.experiments.train import _optimizer, _step, _Training
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 
 STEP, ASKED = "training loop: a step of 8 objects with 4 touches", "network ≥ 85 %: ≤ 1.18 × the limit"
 CORES, STEPS = "training on two cores: one process of 2 threads; usual: two of 1", 12

@@ -41,7 +41,7 @@ def inference() -> Callable[[], object]:
     """TAPSR on ten clouds of 512 points with four touches, as validation and evaluation do it."""
     from training import recipe, split
 
-    from pcsr.train import validate
+    from pcsr.experiments.train import validate
 
     network, clouds = pcsr.load("tapsr").network, split(10)
     return lambda: validate(network, clouds, recipe())
@@ -58,7 +58,7 @@ def smoke() -> Callable[[], object]:
     """The training of recipes/smoke.yaml: eight steps of eight clouds of 128 points."""
     from training import RECIPE, split
 
-    from pcsr.plugins import load_plugins
+    from pcsr.plugins.loading import load_plugins
     from pcsr.recipe import load
 
     (recipe,) = load(RECIPE.with_name("smoke.yaml"), load_plugins())
@@ -69,8 +69,8 @@ def training(recipe: object, data: object, validation: object) -> Callable[[], o
     """All of it, from the first weights on."""
     from lightning_fabric import Fabric
 
-    from pcsr.plugins import load_plugins
-    from pcsr.train import train
+    from pcsr.experiments.train import train
+    from pcsr.plugins.loading import load_plugins
 
     def run() -> None:
         with tempfile.TemporaryDirectory() as folder:

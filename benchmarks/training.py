@@ -15,10 +15,10 @@ from lightning_fabric import Fabric
 from torch.nn import functional as F
 
 from pcsr.data.dataset import Split
+from pcsr.experiments.train import train
 from pcsr.geometry.frames import UnitSphere
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
-from pcsr.train import train
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "tapsr.yaml"
 BATCH = 8

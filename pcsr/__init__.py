@@ -8,7 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError
-from pcsr.hookspecs import hookimpl
+from pcsr.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
         Widths,
     )
     from pcsr.grafting import Grafted, graft
-    from pcsr.library import Model, load
-    from pcsr.measure import evaluate
-    from pcsr.registry import Register
+    from pcsr.metrics.one_cloud import evaluate
+    from pcsr.model import Model, load
+    from pcsr.plugins.registry import Register
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
     "read_mesh": "pcsr.clouds.formats.mesh",
-    "Register": "pcsr.registry",
-    **dict.fromkeys(("Model", "load"), "pcsr.library"),
-    "evaluate": "pcsr.measure",
+    "Register": "pcsr.plugins.registry",
+    **dict.fromkeys(("Model", "load"), "pcsr.model"),
+    "evaluate": "pcsr.metrics.one_cloud",
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (

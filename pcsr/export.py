@@ -13,17 +13,17 @@ import torch
 from torch import Tensor, nn
 
 from pcsr import __version__
-from pcsr.checkpoint import save_weights
 from pcsr.contracts import Fusion
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.files import write_whole
-from pcsr.model import Network
+from pcsr.network.load import save_weights
+from pcsr.network.network import Network
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Networked
 
 if TYPE_CHECKING:
-    from pcsr.library import Model
+    from pcsr.model import Model
 
 USER = "exporting a graph"
 """What needs the extra `[onnx]`, in a message to who hasn't got it."""

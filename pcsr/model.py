@@ -1,245 +1,242 @@
-"""The parts in a row: one network, whatever they are (TAPSR, Sec. 3.1, Fig. 1)."""
+"""pcsr from Python: load a model, upsample clouds of any kind and size."""
 
-from functools import partial
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
 
-from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
-from pcsr.errors import UserError
-from pcsr.geometry.anchoring import even_subset
+from pcsr import weights
+from pcsr.clouds.convert import convert
+from pcsr.clouds.touch import Touch
+from pcsr.errors import UserError, did_you_mean
+from pcsr.extras import imported
+from pcsr.geometry.magnitude import exponent, scaled
+from pcsr.mistakes import shown
+from pcsr.network.load import load_weights
+from pcsr.network.network import Network
+from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
-from pcsr.registry import Registry
-from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
+from pcsr.upsample.dense import densify
+from pcsr.workers import worker_pool
 
-Felt = tuple[TouchPoints, TouchMask]
-"""Touches, and which of them are there."""
+INTERPOLATION = "midpoint"
+"""The name of what needs no weights."""
+WEIGHTS = "weights.safetensors"
+FAR = 1.0
+"""A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
+RATES = (1.1, 64.0)
+
+Touches = str | Path | Sequence[Any]
 
 
-class Network(nn.Module):
-    """Q = f(P, T): a sparse cloud and any number of touches to a cloud of `rate` times as many points."""
+@dataclass(frozen=True)
+class Model:
+    """What makes clouds dense: a network with its weights, or interpolation."""
 
-    def __init__(
+    name: str
+    network: Network | None
+    """In `eval` mode; None for interpolation."""
+    recipe: Recipe | None
+    card: dict[str, Any]
+    """What the weights' file says of them."""
+    path: Path | None
+    plugins: tuple[Path, ...]
+
+    def upsample(
         self,
-        encoder: Encoder,
-        touch_encoder: Encoder | None,
-        fusion: Fusion,
-        backbone: Backbone,
-        upsampler: Upsampler,
-    ) -> None:
-        super().__init__()
-        self.encoder = encoder
-        self.touch_encoder = touch_encoder
-        self.fusion = fusion
-        self.backbone = backbone
-        self.upsampler = upsampler
-
-    def forward(
-        self,
-        points: Points,
-        rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
-    ) -> Dense:
-        """Upsample a batch of clouds in the unit sphere.
+        points: Any,
+        touches: Touches = (),
+        rate: float | int | None = None,
+        *,
+        count: int | None = None,
+        keep: bool = True,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        advance: Callable[[int, int], None] = lambda done, total: None,
+    ) -> Any:
+        """Make a cloud dense, whatever its size.
 
         Args:
-            points: (b n 3).
-            rate: output points for each input point.
-            touches: (b a m 3), in the frame of `points`; none by default.
-            mask: (b a), False where a row holds fewer than `a` touches; all True by default.
+            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud.
+            touches: in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a recording.
+            rate: points that come out for each that goes in, 1.1 to 64; 4 if neither it nor `count` is given.
+            count: how many come out, instead of a rate.
+            keep: the old points come first, and new ones follow; otherwise all are new.
+            jobs: processes.
+            scheduler: address of a Dask scheduler whose workers do the work.
+            advance: called with the points that are done and all of them.
 
         Returns:
-            (b rate·n 3), in the same frame. In training there may be more: touched points, and what was made of
-            them, are not thinned.
+            A cloud of the same kind, in the same frame and unit; what colours and normals it had, the new points have
+            from their neighbours.
+
+        Raises:
+            UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
+
+        Warns:
+            PcsrWarning: something was touched where the cloud has no points.
         """
-        at_once = self.upsampler.at_once
-        first = 1 if self.training or at_once is None or rate <= at_once else _first(rate, at_once)
-        if first == 1:
-            return self.stages(points, rate, touches, mask)[-1]
-        cloud = self.stages(points, first, touches, mask)[-1]
-        # The touches are in that cloud already; once more they take the place of what is made around them.
-        dense = self._made(cloud, rate // first, None, None)[-1]
-        return _thin(dense, count=rate * points.shape[1], felt=self._anchors(touches, mask))
+        given = convert(points)
+        new = self.new_points(
+            given.points,
+            touches,
+            rate,
+            count=count,
+            keep=keep,
+            jobs=jobs,
+            scheduler=scheduler,
+            advance=advance,
+        )
+        return given.back(new, keep)
 
-    def stages(
+    def new_points(
         self,
-        points: Points,
-        rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
-    ) -> list[Dense]:
-        """As `forward`, in one pass, with the clouds on the way: the coarsest first, the result last."""
-        *coarse, dense = self._made(points, rate, touches, mask)
-        finish = _joined if self.training else partial(_thin, count=rate * points.shape[1])
-        return [*coarse, finish(dense, felt=self._anchors(touches, mask))]
-
-    def candidates(
-        self,
-        points: Points,
-        rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
-    ) -> Float[Tensor, "b more 3"]:
-        """All that is made of the points before the farthest are kept, touched points among them where they count."""
-        return _joined(self._made(points, rate, touches, mask)[-1], felt=self._anchors(touches, mask))
-
-    def _anchors(self, touches: TouchPoints | None, mask: TouchMask | None) -> Felt | None:
-        """The touches whose points are part of the result."""
-        if touches is None or not self.fusion.anchors:
-            return None
-        return touches, _all(touches) if mask is None else mask
-
-    def _made(
-        self, points: Points, rate: int, touches: TouchPoints | None, mask: TouchMask | None
-    ) -> list[Float[Tensor, "b _ 3"]]:
-        """What the upsampler makes; in training without its surplus."""
-        start = self.upsampler.prepare(points, rate)
-        cloud, features = self.refine(start, touches, mask)
-        left = rate * points.shape[1] // start.shape[1]
-        *coarse, dense = self.upsampler.stages(cloud, features, left)
-        return [*coarse, _some(dense, left * cloud.shape[1]) if self.training else dense]
-
-    def refine(
-        self, points: Points, touches: TouchPoints | None = None, mask: TouchMask | None = None
-    ) -> tuple[Float[Tensor, "b joined 3"], Float[Tensor, "b joined c"]]:
-        """What the upsampler is handed: the cloud, to which the touches may have been joined, and its features."""
-        if touches is not None and mask is None:
-            mask = _all(touches)
-        cloud = points if touches is None or mask is None else self.fusion.join(points, touches, mask)
-        features = self.encoder(cloud)
-        if touches is not None and mask is not None and self.fusion.hears_features:
-            features = fuse(self.fusion, self.touch_encoder, cloud, features, touches, mask)
-        return cloud, self.backbone(cloud, features)
-
-    @property
-    def parameter_count(self) -> int:
-        """Number of weights."""
-        return sum(p.numel() for p in self.parameters())
-
-
-def _all(touches: TouchPoints) -> TouchMask:
-    """No touch is missing."""
-    return torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device)
-
-
-def fuse(
-    fusion: Fusion,
-    touch_encoder: Encoder | None,
-    points: Points,
-    features: Features,
-    touches: TouchPoints,
-    mask: TouchMask,
-) -> Features:
-    """Encode the touches and fold them into the features; rows without any touch keep theirs as they are.
-
-    So a fusion never meets a row without touches, where attention would divide zero by zero, and zero touches
-    give exactly the visual features, bit for bit.
-    """
-    touched = mask.any(1)
-    if not torch.compiler.is_exporting():
-        if not touched.any():
-            return features
-        if not touched.all():
-            fused = fuse(fusion, touch_encoder, points[touched], features[touched], touches[touched], mask[touched])
-            return features.masked_scatter(touched[:, None, None], fused)
-    heard = Touches(touches, encode(touch_encoder, touches), mask)
-    result: Features = fusion(points, features, heard)
-    return result
-
-
-def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures:
-    """Features of each touched point; without an encoder the coordinates themselves."""
-    if touch_encoder is None:
-        return touches
-    features: Tensor = touch_encoder(touches.flatten(0, 1))
-    return features.view(*touches.shape[:2], *features.shape[1:])
-
-
-def _first(rate: int, at_once: int) -> int:
-    """The rate of the first of two passes: near the root, neither being too much. 1: it can't be shared."""
-    divisors = [d for d in range(1, rate + 1) if rate % d == 0]
-    return min(divisors, key=lambda d: (max(d, rate // d) > at_once, abs(d - rate**0.5), -d))
-
-
-def _some(dense: Dense, count: int) -> Float[Tensor, "b some 3"]:
-    """In training: as many as are wanted of an upsampler's surplus, any of them.
-
-    Which are the farthest from each other has no gradient, and takes longer than the network. But that each may be
-    missing must be felt, or the network is content where one of two that lie together would do.
-    """
-    if dense.shape[1] <= count:
-        return dense
-    kept = torch.randperm(dense.shape[1], generator=torch.Generator().manual_seed(0))[:count]
-    return dense[:, kept.to(dense.device)]
-
-
-def _joined(dense: Dense, *, felt: Felt | None) -> Float[Tensor, "b more 3"]:
-    """The dense cloud and all touched points; in the place of a missing touch some of the cloud's points again."""
-    if felt is None:
-        return dense
-    touches, mask = felt
-    m = touches.shape[2]
-    again = dense.detach()[:, torch.arange(m, device=dense.device) % dense.shape[1]]
-    known = torch.where(mask[:, :, None, None], touches, again.unsqueeze(1))
-    return torch.cat([dense, known.flatten(1, 2)], dim=1)
-
-
-def _thin(dense: Dense, *, count: int, felt: Felt | None) -> Float[Tensor, "b kept 3"]:
-    """Keep the `count` farthest points, touched ones among them if there are any.
-
-    Some upsamplers give too many, and any does for a cloud with touches in it.
-
-    Raises:
-        UserError: the network is being exported.
-    """
-    if dense.shape[1] == count and felt is None:
-        return dense
-    if torch.compiler.is_exporting():
-        raise UserError(
-            "the network's points are thinned to those that are farthest apart, which no graph knows: export it "
-            "without touches, and with an upsampler that gives just as many as are wanted, such as 'shuffle'"
-        )
-    rows = []
-    for i, row in enumerate(dense):
-        known = row[:0] if felt is None else felt[0][i, felt[1][i]].flatten(0, 1)
-        both = torch.cat([known, row])
-        if not len(known) and len(row) == count:  # no touch: as it would be alone
-            rows.append(row)
-            continue
-        rows.append(both[torch.from_numpy(even_subset(both.detach().cpu().numpy(), count, len(known))).to(row.device)])
-    return torch.stack(rows)
-
-
-def build(recipe: Recipe, registry: Registry) -> Network:
-    """The network of a recipe, with the weights that its seed gives.
-
-    Raises:
-        UserError: parts that don't fit together, such as a fusion that needs touch features without a
-            `touch_encoder`.
-    """
-    parts = recipe.model
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(recipe.seed)
-        encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))
-        touch_encoder = (
-            parts.touch_encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))
-            if parts.touch_encoder
-            else None
-        )
-        widths = Widths(
-            visual=encoder.channels,
-            touch=touch_encoder.channels if touch_encoder else 3,
-            rate=recipe.network_rate,
-        )
-        fusion = parts.fusion.build(registry, "fusion", widths)
-        if touch_encoder is not None and not fusion.hears_features:
+        points: Float[np.ndarray, "n 3"],
+        touches: Touches = (),
+        rate: float | int | None = None,
+        *,
+        count: int | None = None,
+        keep: bool = True,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        advance: Callable[[int, int], None] = lambda done, total: None,
+    ) -> Float[np.ndarray, "new 3"]:
+        """As `upsample`, but the new points alone."""
+        cloud = np.asarray(points, np.float64)
+        bad = int((~np.isfinite(cloud).all(axis=1)).sum())
+        if bad:
             raise UserError(
-                f"fusion '{parts.fusion.use}' hears no touch features, so model.touch_encoder would never be used: "
-                f"remove it"
+                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
             )
-        backbone = parts.backbone.build(registry, "backbone", widths)
-        refined = Widths(widths.visual, widths.touch, backbone.channels, widths.rate)
-        upsampler = parts.upsampler.build(registry, "upsampler", refined)
-    return Network(encoder, touch_encoder, fusion, backbone, upsampler)
+        if not len(cloud):
+            raise UserError("the cloud has no points: there is nothing to make dense")
+        wanted = _count(len(cloud), rate, count)
+        power = exponent([cloud])
+        cloud = scaled(cloud, -power)
+        felt = _felt(touches, cloud, power)
+        with worker_pool(jobs, scheduler) as workers:
+            source = self._candidates(alone=workers.executor is None)
+            new = densify(cloud, wanted, source, touches=felt, keep=keep, pool=workers, advance=advance)
+        return scaled(new, power)
+
+    def _candidates(self, *, alone: bool) -> Candidates:
+        if self.network is None or self.recipe is None:
+            return Midpoints()
+        if alone:
+            return Networked.of(self.network, self.recipe)
+        if self.path is None:
+            raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
+        return Stored(self.path.resolve(), self.plugins, self.recipe.network_points, self.recipe.network_rate)
+
+
+def load(
+    model: str | Path | None = None, *, plugins: Sequence[str | Path] = (), device: str | torch.device = "cpu"
+) -> Model:
+    """A model ready for use.
+
+    Args:
+        model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
+            file, or `org/name` on the Hugging Face hub (extra `[hub]`); the default weights if not given.
+        plugins: Python files with parts that the weights need.
+        device: where to compute.
+
+    Raises:
+        UserError: there is no such model, its file is damaged, or a part that it needs is not installed.
+    """
+    files = tuple(Path(file) for file in plugins)
+    name = weights.DEFAULT if model is None else str(model)
+    if name == INTERPOLATION:
+        return Model(name, None, None, {}, None, files)
+    path = _found(name)
+    registry = load_plugins(files)
+    warn_of_failures(registry)
+    network, recipe, card = load_weights(path, registry)
+    try:
+        network.to(device)
+    except (RuntimeError, AssertionError) as error:
+        raise UserError(f"device '{device}' cannot be used: {str(error).splitlines()[0]}") from error
+    return Model(name, network, recipe, card, path, files)
+
+
+def _found(name: str) -> Path:
+    """The weights file that a person means."""
+    if not name:
+        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
+    # These take a user that isn't there, and a name that no file can have, for a file that isn't there.
+    path = Path(os.path.expanduser(name))
+    if os.path.isdir(path):
+        path = path / WEIGHTS
+        if not path.is_file():
+            raise UserError(f"the folder {name} holds no {WEIGHTS}: give the folder of a finished run, or a file")
+        return path
+    if os.path.isfile(path):
+        return path
+    if name in weights.names():
+        return weights.shipped(name)
+    if name.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
+        return _from_hub(name)
+    known = [INTERPOLATION, *weights.names()]
+    raise UserError(
+        f"there is no model {shown(name)}, neither a file nor a folder nor a name: {did_you_mean(name, known)}"
+    )
+
+
+def _from_hub(name: str) -> Path:
+    hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
+    try:
+        return Path(hub.hf_hub_download(name, WEIGHTS))
+    except Exception as error:  # whatever the network and the hub may say
+        raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
+
+
+def _count(n: int, rate: float | int | None, count: int | None) -> int:
+    if rate is not None and count is not None:
+        raise UserError(
+            f"rate {rate:g} and count {count} say the same thing twice: give one of them (--rate, --points)"
+        )
+    if count is not None:
+        if count < 1:
+            raise UserError(f"count is {count}: at least one point must come out")
+        if count > RATES[1] * n:
+            raise UserError(f"count is {count}, more than {RATES[1]:g} times the cloud's {n} points: ask for fewer")
+        return count
+    rate = 4.0 if rate is None else float(rate)
+    if not RATES[0] <= rate <= RATES[1]:
+        raise UserError(
+            f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for other numbers give a count (--points)"
+        )
+    return round(rate * n)
+
+
+def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
+    """The points of each touch, in the frame of the cloud, which was divided by a power of two."""
+    if isinstance(touches, str | Path):
+        from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
+
+        touches = read(Path(touches)).touches
+    felt = [np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).points) for touch in touches]
+    if not felt:
+        return []
+    middle = cloud.mean(0)
+    radius = float(np.linalg.norm(cloud - middle, axis=1).max())
+    for number, touch in enumerate(felt):
+        touch = felt[number] = scaled(touch, -power)
+        if len(touch) == 0 or not np.isfinite(touch).all():
+            raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
+        with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
+            own = float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+            away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
+        if not (away <= FAR * radius and own <= 2 * radius):
+            with np.errstate(over="ignore"):
+                sizes = np.ldexp([2 * own, max(away, 0.0), 2 * radius], power)
+            raise UserError(
+                f"touch {number} is {sizes[0]:.4g} across and lies {sizes[1]:.4g} away from the cloud, which is "
+                f"{sizes[2]:.4g} across: it is in another unit or frame; bring it into the cloud's"
+            )
+    return felt

@@ -12,7 +12,7 @@ import torch
 
 import pcsr
 from pcsr.data.dataset import Split
-from pcsr.evaluation import Scores
+from pcsr.experiments.evaluation import Scores
 from pcsr.files import save_tensors
 from pcsr.metrics import METRICS
 from pcsr.recipe import Recipe

@@ -12,13 +12,13 @@ import trimesh
 from click.testing import CliRunner
 
 from pcsr import Touch
-from pcsr.checkpoint import __file__ as checkpoint
 from pcsr.cli import pcsr
 from pcsr.clouds.formats import read_points, write_points
 from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
-from pcsr.origins import __file__ as origins
-from pcsr.plugins import load_plugins
+from pcsr.network.load import __file__ as checkpoint
+from pcsr.network.origins import __file__ as origins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recorded import write
 from pcsr.testing import checks_for
 from pcsr.weights import shipped

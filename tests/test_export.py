@@ -17,9 +17,9 @@ from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
 from pcsr.export import _graph, export_onnx, export_weights
 from pcsr.geometry.neighbours import knn, neighbour_max
-from pcsr.library import Model, load
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.model import Model, load
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import MODEL, for_data, from_resolved
 
 N, M = 64, 40

@@ -10,11 +10,11 @@ import pytest
 from click.testing import CliRunner
 
 import pcsr
-from pcsr.checkpoint import load_weights, save_weights
 from pcsr.cli import pcsr as command
-from pcsr.library import load
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.model import load
+from pcsr.network.load import load_weights, save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, from_resolved
 from pcsr.recipe import load as load_recipe
 from pcsr.recipe.merge import PARTS

@@ -16,7 +16,9 @@ import click
 import pytest
 
 import pcsr
-from pcsr import cli, contracts, hookspecs, plugins, registry
+from pcsr import cli, contracts
+from pcsr.plugins import hookspecs, registry
+from pcsr.plugins import loading as plugins
 
 ROOT = Path(__file__).parents[1]
 LISTED = ROOT / "tests" / "public_api.txt"

@@ -9,9 +9,9 @@ import torch
 from safetensors import safe_open
 
 from pcsr.data.dataset import Split
-from pcsr.evaluation import Method, Scores
+from pcsr.experiments.evaluation import Method, Scores
 from pcsr.geometry.frames import UnitSphere
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.results import gathered, save_examples
 

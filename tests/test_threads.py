@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 import pcsr
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr.threads import EACH, PASSIVE, WAITING, allowed, deserved, single_thread, threads
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Candidates

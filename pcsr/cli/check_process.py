@@ -14,7 +14,7 @@ from pcsr.errors import RunError, UserError
 
 if TYPE_CHECKING:
     from pcsr.contracts import Item
-    from pcsr.registry import Registry
+    from pcsr.plugins.registry import Registry
     from pcsr.testing import Check, Outcome
 
 STARTING = 120.0
@@ -99,7 +99,7 @@ def _process(
 
 def _work(jobs: Sequence[Job], files: Sequence[Path], start: tuple[int, int], answers: Connection) -> None:
     """Run the checks: before each its numbers and name are sent, after it what came of it, and at the end None."""
-    from pcsr.plugins import load_plugins
+    from pcsr.plugins.loading import load_plugins
     from pcsr.workers import end_with_parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started this process ends it

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from pcsr.data.schema import Manifest
+    from pcsr.plugins.registry import Registry
     from pcsr.recipe import Recipe
-    from pcsr.registry import Registry
 
 
 @click.group()

@@ -31,9 +31,9 @@ def evaluate(
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.measure import evaluate as measure
-    from pcsr.measure import why_no_emd
     from pcsr.metrics import METRICS
+    from pcsr.metrics.one_cloud import evaluate as measure
+    from pcsr.metrics.one_cloud import why_no_emd
 
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)

@@ -61,7 +61,7 @@ def export(
     Where OUT ends in .safetensors, the weights and their card are written, to be shipped or put on a hub.
     """
     from pcsr.export import export_onnx, export_weights
-    from pcsr.library import load
+    from pcsr.model import load
 
     if out.suffix == ".safetensors":
         _refuse_sizes()

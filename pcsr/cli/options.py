@@ -59,7 +59,7 @@ PLUGIN = _Plugin(path_type=Path)
 
 
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.registry.Registry`.
+    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.plugins.registry.Registry`.
 
     A warning names each file that fails to load: whoever gives one wants its parts.
     """
@@ -88,7 +88,7 @@ def _with_plugins(command: Callable[..., Result], *, files_win: bool, warn: bool
     )
     @functools.wraps(command)
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
-        from pcsr.plugins import load_plugins, warn_of_failures
+        from pcsr.plugins.loading import load_plugins, warn_of_failures
 
         registry = load_plugins(plugin_files, files_win=files_win)
         if warn:

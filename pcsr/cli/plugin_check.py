@@ -13,7 +13,7 @@ from pcsr.cli.options import FILE, SECONDS, winning_plugin_option
 from pcsr.errors import RunError, UserError, did_you_mean
 
 if TYPE_CHECKING:
-    from pcsr.registry import Entry, Registry
+    from pcsr.plugins.registry import Entry, Registry
     from pcsr.testing import Outcome
 
 
@@ -84,8 +84,8 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     Raises:
         UserError: none; the message says why.
     """
-    from pcsr.plugins import why
-    from pcsr.registry import FILE, KINDS
+    from pcsr.plugins.loading import why
+    from pcsr.plugins.registry import FILE, KINDS
 
     if kind is not None and kind not in KINDS:
         raise UserError(f"--kind {kind}: there is no such kind: {did_you_mean(kind, KINDS)}")

@@ -47,7 +47,7 @@ def new(kind: str, name: str) -> None:
     pcsr plugins check my-fusion
     """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.files import write_text
-    from pcsr.plugins import load_plugins
+    from pcsr.plugins.loading import load_plugins
 
     files = distribution(kind, name)
     taken = load_plugins().entries.get((kind, name))

@@ -12,7 +12,7 @@ from pcsr.cli.plugin_new import new
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pcsr.registry import Entry, Registry
+    from pcsr.plugins.registry import Entry, Registry
 
 
 @click.group(invoke_without_command=True)
@@ -27,7 +27,7 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
             raise click.UsageError(f"options go behind the subcommand: pcsr plugins {command} … --plugin FILE", context)
         return
     if name is not None:
-        from pcsr.plugins import why
+        from pcsr.plugins.loading import why
 
         click.echo(why(registry, name))
         return

@@ -10,7 +10,7 @@ import click
 from pcsr.cli.options import FILE, plugin_option, set_option
 
 if TYPE_CHECKING:
-    from pcsr.registry import Registry
+    from pcsr.plugins.registry import Registry
 
 
 @click.group()

@@ -11,13 +11,13 @@ from pcsr.cli.options import FILE, jobs_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
+    from pcsr.plugins.registry import Registry
     from pcsr.recipe import Recipe
-    from pcsr.registry import Registry
 
 Result = TypeVar("Result")
 
 PLACE = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
-"""The fields of `pcsr.place.Place`, each an option."""
+"""The fields of `pcsr.experiments.run_options.Place`, each an option."""
 WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
 
@@ -66,7 +66,7 @@ _OPTIONS = (
 
 
 def place_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command the options of `pcsr.place.Place`, and hand it their values as `where`."""
+    """Give a command the options of `pcsr.experiments.run_options.Place`, and hand it their values as `where`."""
 
     @functools.wraps(command)
     def with_place(*args: object, **kwargs: Any) -> Result:
@@ -91,10 +91,10 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
 
     from pcsr import report
     from pcsr.data.built import Built
+    from pcsr.experiments.run import packages, run
+    from pcsr.experiments.run_options import Place, run_folder
     from pcsr.extras import require
-    from pcsr.place import Place, run_folder
     from pcsr.recipe.pretrained import check_weights
-    from pcsr.run import packages, run
 
     if where["keep_weights"] and where["retrain"]:
         raise UserError("--keep-weights trains nothing, and --retrain trains: give one of the two")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import trimesh
     from jaxtyping import Float
 
-    from pcsr.registry import Registry
+    from pcsr.plugins.registry import Registry
 
 
 @click.command()

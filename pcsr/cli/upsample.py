@@ -85,7 +85,7 @@ def upsample(
 
     start = time.perf_counter()
     if mesh is not None:
-        from pcsr.clouds.surface import check_suffix, open3d, write_surface
+        from pcsr.clouds.reconstruction import check_suffix, open3d, write_surface
 
         check_suffix(mesh)  # before the work, not after it
         open3d()
@@ -109,7 +109,7 @@ def upsample(
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
             click.echo(f"touch {name} is left out: {reason}", err=True)
-    from pcsr.library import load  # and torch with it: a mistake in a file is told without waiting for it
+    from pcsr.model import load  # and torch with it: a mistake in a file is told without waiting for it
 
     with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", PcsrWarning)

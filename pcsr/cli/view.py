@@ -15,7 +15,7 @@ def view(clouds: tuple[Path, ...]) -> None:
     It takes the extra [open3d], and a desktop.
     """
     from pcsr.clouds.formats import read_cloud
-    from pcsr.clouds.surface import open3d, show
+    from pcsr.clouds.reconstruction import open3d, show
 
     open3d()  # before files are read
     show([(path.name, read_cloud(path)) for path in clouds])

@@ -14,8 +14,8 @@ from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_manifest
 from pcsr.errors import UserError
 from pcsr.metrics import METRICS
+from pcsr.plugins.registry import Registry
 from pcsr.recipe import PARTS, Recipe, from_resolved
-from pcsr.registry import Registry
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from pcsr.contracts import Shapes, TouchSource
 from pcsr.data.plan import Plan
 from pcsr.data.sample import Rejected, Sample, make_sample
 from pcsr.errors import RunError, UserError
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Registry
 from pcsr.recipe import DATA, Recipe, from_resolved
-from pcsr.registry import Registry
 from pcsr.workers import WorkerPool
 
 CHUNK = 4

@@ -10,8 +10,8 @@ from typing import Any
 from pcsr.contracts import Shapes, TouchSource
 from pcsr.errors import UserError
 from pcsr.extras import require
+from pcsr.plugins.registry import Registry
 from pcsr.recipe import PartSpec, Recipe
-from pcsr.registry import Registry
 
 FORMAT = 1
 """Of the files; raised when they change, and with it every fingerprint."""

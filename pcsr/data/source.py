@@ -10,8 +10,8 @@ from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.errors import UserError
+from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-from pcsr.registry import Registry
 from pcsr.workers import worker_pool
 
 MOMENT = 1 << 28

@@ -11,8 +11,8 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.joint import Joint, Layout, PointsLayout
 from pcsr.grafting.parts import build_parts, try_parts
 from pcsr.grafting.probe import probe_joint, tensor_like
-from pcsr.plugins import load_plugins
-from pcsr.registry import Registry
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Registry
 
 
 def graft(

@@ -16,7 +16,7 @@ from pcsr.grafting.assembly import assemble
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.joint import Joint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
-from pcsr.registry import Registry
+from pcsr.plugins.registry import Registry
 
 WIDEST = 10**6
 """Channels of the widest layer that touch may enter at."""

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError
 from pcsr.grafting.joint import Joint, check_output, from_bnc, to_bnc, visual_points
-from pcsr.model import fuse
+from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
 FAR = 10.0

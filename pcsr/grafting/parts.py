@@ -13,9 +13,9 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
 from pcsr.mistakes import explained
-from pcsr.model import fuse
+from pcsr.network.network import fuse
+from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import PartSpec, options_model
-from pcsr.registry import Registry
 
 
 def build_parts(

@@ -4,13 +4,13 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
 from pcsr.recipe.compose import compose, lay_over
 from pcsr.recipe.merge import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
-from pcsr.registry import Registry
 
 __all__ = [
     "DATA",

@@ -8,10 +8,10 @@ from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
 from pcsr.mistakes import explained, shown
+from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import MODEL, PARTS, merge
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
-from pcsr.registry import Registry
 
 Locate = Callable[[Keys, bool], Place]
 """Where a value stands, or the key of one."""

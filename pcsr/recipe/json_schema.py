@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import PARTS
 from pcsr.recipe.schema import Recipe, options_model
-from pcsr.registry import Registry
 
 
 def json_schema(registry: Registry) -> dict[str, Any]:

@@ -9,11 +9,11 @@ from pcsr import weights
 from pcsr.contracts import Trait
 from pcsr.errors import UserError
 from pcsr.files import sha256
+from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
 from pcsr.recipe.merge import PARTS, merge
 from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
-from pcsr.registry import Registry
 from pcsr.weights.file import read_file
 
 

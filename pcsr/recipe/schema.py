@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from pcsr.plugin_guard import guarded
-from pcsr.registry import Registry
+from pcsr.plugins.guard import guarded
+from pcsr.plugins.registry import Registry
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Of a run: with its fingerprint it is the name of a folder, and those have up to 255 characters everywhere."""

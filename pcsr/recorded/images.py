@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
 from pcsr.inputs import read_bytes
 from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.manifest import Intrinsics
+from pcsr.recorded.pickles.unpickle import load_numpy
 
 SUFFIXES = (".npy", ".png", ".jpg", ".jpeg")
 LARGEST = 1 << 28

@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
-from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
 from pcsr.inputs import read_bytes
 from pcsr.limits import LARGEST_JSON, MOST_FINGERS, MOST_TOUCHED_POINTS, MOST_TOUCHES
@@ -30,6 +29,7 @@ from pcsr.recorded.manifest import (
     checked,
     inside,
 )
+from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import sensor_to_object, transformed, turn
 
 MANIFEST = "touches.json"

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
 from pcsr.errors import UserError
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr.tensors import Dense, Features, Points
 from pcsr.testing.inputs import cloud
 from pcsr.testing.learning import DRAWS, arrived, compare, demand, layers, trained

@@ -14,8 +14,8 @@ from torch import nn
 import pcsr.contracts
 from pcsr.contracts import Encoder, Item, Upsampler, Widths
 from pcsr.errors import UserError
-from pcsr.plugin_guard import watched
-from pcsr.registry import KINDS
+from pcsr.plugins.guard import watched
+from pcsr.plugins.registry import KINDS
 from pcsr.testing.check import Check, CheckFailed, Skipped, said
 
 WIDTHS = (

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from pcsr.checkpoint import load_weights
 from pcsr.errors import PcsrWarning, RunError
 from pcsr.geometry.interpolation import midpoint
-from pcsr.model import Network
-from pcsr.plugins import load_plugins
+from pcsr.network.load import load_weights
+from pcsr.network.network import Network
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import PartSpec, Recipe
 
 Cloud = Float[np.ndarray, "_ 3"]

@@ -16,7 +16,7 @@ from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.patches import in_patch
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr.recipe import Patches
 
 AT_ONCE = 8

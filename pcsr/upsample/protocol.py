@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr.recipe import Recipe
 from pcsr.upsample.patchwise import AT_ONCE, upsample_patches
 from pcsr.upsample.whole import upsample

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from pcsr.errors import RunError, UserError
 from pcsr.geometry.frames import UnitSphere
-from pcsr.model import Network
+from pcsr.network.network import Network
 
 
 @torch.inference_mode()

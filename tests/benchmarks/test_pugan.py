@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 import pcsr
 from pcsr import UserError
-from pcsr.checkpoint import save_weights
 from pcsr.geometry.sampling import surface_points
 from pcsr.metrics import point_to_surface
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.network.load import save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
 ROOT = Path(__file__).parents[2]

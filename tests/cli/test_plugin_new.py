@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from pcsr.cli import pcsr
 from pcsr.cli.plugin_new import NAME, SECTIONS, distribution
 from pcsr.errors import UserError
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import KINDS
 from pcsr.recipe.merge import PARTS
-from pcsr.registry import KINDS
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from pcsr.cli import pcsr
-from pcsr.registry import KINDS
+from pcsr.plugins.registry import KINDS
 
 
 def invoke(*arguments):

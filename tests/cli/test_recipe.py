@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from ruamel.yaml import YAML
 
 from pcsr.cli import pcsr
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import from_resolved, load
 
 RECIPES = sorted((Path(__file__).parents[2] / "recipes").glob("*.yaml"))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 
 

@@ -14,7 +14,7 @@ from pcsr.data.built import Built
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.data.shards import MANIFEST, damaged, read_manifest, write_manifest
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 from pcsr.workers import worker_pool
 

@@ -5,7 +5,7 @@ import trimesh
 
 from pcsr import Item, Shapes, UserError
 from pcsr.data.plan import Plan
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 
 

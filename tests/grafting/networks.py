@@ -8,7 +8,7 @@ from torch import nn
 
 from pcsr.contracts import Fusion
 from pcsr.grafting import graft
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 
 N = 24
 PLUGINS = load_plugins()

@@ -6,10 +6,10 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from pcsr.checkpoint import read_card
 from pcsr.contracts import Widths
 from pcsr.errors import UserError
 from pcsr.grafting import graft, load_graft, save_graft
+from pcsr.network.load import read_card
 from tests.grafting.networks import PLUGINS, Bias, Meeting, same
 
 

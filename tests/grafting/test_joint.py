@@ -4,7 +4,7 @@ from torch import nn
 
 from pcsr.errors import UserError
 from pcsr.grafting import graft
-from pcsr.model import fuse
+from pcsr.network.network import fuse
 from tests.grafting.networks import CASES, PLUGINS, Layers, Meeting, N, Second
 
 

@@ -44,7 +44,7 @@ def image(levels: np.ndarray, kind: str) -> bytes:
 def clouds() -> Iterator[Seed]:
     from pcsr.clouds.cloud import Cloud
     from pcsr.clouds.formats import CLOUD_WRITERS, READERS, cloud_bytes, read_cloud, read_points
-    from pcsr.measure import evaluate
+    from pcsr.metrics.one_cloud import evaluate
 
     def read(folder: Path) -> None:
         (path,) = folder.iterdir()
@@ -104,7 +104,7 @@ def meshes() -> Iterator[Seed]:
 
     from pcsr.clouds.formats import read_cloud
     from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.measure import evaluate
+    from pcsr.metrics.one_cloud import evaluate
 
     def read(folder: Path) -> None:
         (path,) = folder.iterdir()
@@ -225,7 +225,7 @@ def others() -> Iterator[Seed]:
 
     from pcsr.data.dataset import Split
     from pcsr.data.shards import read_card, read_clouds, read_manifest
-    from pcsr.plugins import load_plugins
+    from pcsr.plugins.loading import load_plugins
     from pcsr.recipe import load
     from pcsr.weights.file import read_file
 

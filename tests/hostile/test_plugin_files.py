@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from pcsr.errors import PcsrWarning
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 
 GOOD = """
 from pcsr import Encoder, Fusion, hookimpl

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from pcsr.checkpoint import save_weights
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.network.load import save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
 SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"

@@ -52,7 +52,7 @@ def run(arguments, given):
 
 
 if __name__ == "__main__":
-    for slow in ("pcsr.library", "pcsr.recipe", "rich.console", "click"):
+    for slow in ("pcsr.model", "pcsr.recipe", "rich.console", "click"):
         importlib.import_module(slow)
 
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))

@@ -23,7 +23,7 @@ import torch
 import pcsr
 
 pcsr.load
-import pcsr.library
+import pcsr.model
 
 directions = np.random.default_rng(0).normal(size=(1100, 3))
 cloud = 50 * directions / np.linalg.norm(directions, axis=1, keepdims=True)

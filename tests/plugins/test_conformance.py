@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from pcsr import Touch
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recorded import write
 from pcsr.testing import checks_for
 from pcsr.testing.touching import egg

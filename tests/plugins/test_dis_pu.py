@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from pcsr import UserError, Widths
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
 from pcsr_plugins.encoders.linear import Linear
 from pcsr_plugins.fusions.none import NoFusion

@@ -10,8 +10,8 @@ from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Trait, UserError, Widths
-from pcsr.model import Network, build
-from pcsr.plugins import load_plugins
+from pcsr.network.network import Network, build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.frames import FrameBackbone
 from pcsr_plugins.encoders.frames import FrameEncoder

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from pcsr.checkpoint import load_weights, save_weights
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.network.load import load_weights, save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
 FOLDER = Path(__file__).parents[2] / "recipes"

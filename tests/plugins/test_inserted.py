@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pcsr import Touches, Trait, UserError, Widths
 from pcsr.geometry.ordering import hilbert_order
-from pcsr.model import build
-from pcsr.plugins import load_plugins
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.fusions.inserted import Inserted
 from pcsr_plugins.fusions.none import NoFusion

@@ -9,12 +9,12 @@ from scipy.spatial import cKDTree
 from torch import nn
 
 from pcsr import Trait, UserError, Widths
-from pcsr.evaluation import methods
+from pcsr.experiments.evaluation import methods
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network, build
-from pcsr.plugins import load_plugins
+from pcsr.network.network import Network, build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_transformer import PUTransformer
 from pcsr_plugins.encoders.mlp import Mlp

@@ -10,7 +10,7 @@ from pcsr import Touches, Trait, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr_plugins.backbones.pu_transformer import EdgeMax, PUTransformer, ShiftedChannelAttention
 from pcsr_plugins.encoders.mlp import Mlp
 from pcsr_plugins.encoders.unet import UNet

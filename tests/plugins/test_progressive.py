@@ -9,7 +9,7 @@ from torch.nn import functional as F
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.farthest import farthest_points
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
 from pcsr_plugins.encoders.linear import Linear
 from pcsr_plugins.fusions.none import NoFusion

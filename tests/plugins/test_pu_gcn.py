@@ -8,8 +8,8 @@ from torch import nn
 
 from pcsr import Trait, UserError, Widths
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network, build
-from pcsr.plugins import load_plugins
+from pcsr.network.network import Network, build
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_gcn import PUGCN, DensePath
 from pcsr_plugins.encoders.edge_conv import EdgeConv

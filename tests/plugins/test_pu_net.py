@@ -9,7 +9,7 @@ from torch.nn import functional as F
 from pcsr import Trait, UserError, Widths
 from pcsr.geometry.farthest import farthest_points
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr_plugins.backbones.pu_net import PUNet
 from pcsr_plugins.encoders.set_abstraction import BallEncoder
 from pcsr_plugins.fusions.none import NoFusion

@@ -9,7 +9,7 @@ import pytest
 from annotated_types import Gt
 
 from pcsr.contracts import Backbone, Encoder, Fusion, Objective, Shapes, TouchSource, Upsampler, Widths
-from pcsr.registry import Entry, Registry
+from pcsr.plugins.registry import Entry, Registry
 
 
 class Net(Encoder):

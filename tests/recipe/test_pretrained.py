@@ -12,10 +12,10 @@ from pcsr import weights
 from pcsr.contracts import Trait, Upsampler
 from pcsr.errors import UserError
 from pcsr.files import save_tensors, sha256
+from pcsr.plugins.registry import Entry, Registry
 from pcsr.recipe import RecipeError, from_resolved, load
 from pcsr.recipe.json_schema import json_schema
 from pcsr.recipe.pretrained import Trained, check_weights
-from pcsr.registry import Entry, Registry
 
 MODEL = "{encoder: {use: net, channels: 4}, fusion: blend, backbone: refine, upsampler: dense}"
 

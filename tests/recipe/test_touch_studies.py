@@ -9,7 +9,7 @@ import torch
 from pcsr import weights
 from pcsr.data.plan import Plan
 from pcsr.files import save_tensors
-from pcsr.plugins import load_plugins
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
 RECIPES = Path(__file__).parents[2] / "recipes"

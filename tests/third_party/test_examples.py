@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pcsr.checkpoint import read_card
 from pcsr.clouds.formats import write_points
+from pcsr.network.load import read_card
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "third_party"

@@ -9,8 +9,8 @@ import pytest
 from pcsr import contracts
 from pcsr.cli.plugin_new import distribution
 from pcsr.clouds.touch import Touch
-from pcsr.plugins import load_plugins
-from pcsr.registry import KINDS, OURS
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import KINDS, OURS
 from pcsr.testing.construction import TRAITS
 
 DOCS = Path(__file__).parents[2] / "docs" / "parts"

@@ -8,7 +8,7 @@ import pytest
 
 import pcsr
 from pcsr import contracts
-from pcsr.registry import KINDS
+from pcsr.plugins.registry import KINDS
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
@@ -85,8 +85,8 @@ def test_what_all_parts_have_is_told():
 
 def test_the_hook_and_its_argument_are_told():
     from pcsr.cli import GROUP as COMMANDS
-    from pcsr.hookspecs import pcsr_register
-    from pcsr.plugins import GROUP
+    from pcsr.plugins.hookspecs import pcsr_register
+    from pcsr.plugins.loading import GROUP
 
     assert f"def pcsr_register({', '.join(signature(pcsr_register).parameters)}):" in TEXT
     assert f"[project.entry-points.{GROUP}]" in TEXT

@@ -6,8 +6,8 @@ import torch
 from torch import nn
 
 from pcsr import RunError
-from pcsr.checkpoint import load_weights
-from pcsr.plugins import load_plugins
+from pcsr.network.load import load_weights
+from pcsr.plugins.loading import load_plugins
 from pcsr.upsample.candidates import Midpoints, Networked, Stored
 from pcsr.weights import shipped
 

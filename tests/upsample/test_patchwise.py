@@ -7,7 +7,7 @@ import torch
 from pcsr.contracts import Upsampler
 from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
-from pcsr.model import Network
+from pcsr.network.network import Network
 from pcsr.recipe import Patches
 from pcsr.upsample.patchwise import upsample_patches
 

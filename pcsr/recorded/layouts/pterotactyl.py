@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from pcsr.clouds.touch import Touch
-from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
 from pcsr.recorded.layouts.smith_2020 import in_order, joined, numbers
 from pcsr.recorded.manifest import Strict
+from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, turn
 
 METRE = 1000.0

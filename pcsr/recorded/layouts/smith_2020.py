@@ -16,11 +16,11 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from pcsr.clouds.touch import Touch
-from pcsr.clouds.unpickle import load_numpy
 from pcsr.errors import UserError
 from pcsr.limits import MOST_TOUCHED_POINTS
 from pcsr.mistakes import shown
 from pcsr.recorded.manifest import Strict
+from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import in_object, turn
 
 METRE = 1000.0

@@ -15,11 +15,11 @@ from jaxtyping import Bool, Float
 from pydantic import Field, model_validator
 
 from pcsr.clouds.touch import Touch
-from pcsr.clouds.unpickle import load_numpy, load_pickle
 from pcsr.errors import UserError
 from pcsr.recorded.images import depth_contact, read_image, same_size
 from pcsr.recorded.layouts.smith_2020 import numbers
 from pcsr.recorded.manifest import Intrinsics, Strict, inside
+from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
 from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, seven, transformed
 
 METRE = 1000.0

@@ -1,0 +1,1 @@
+"""A recipe to results: training, evaluation, and what a run leaves in its folder."""

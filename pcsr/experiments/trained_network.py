@@ -1,0 +1,175 @@
+"""The network of a run with finished weights: named by the recipe, found in a run folder, or trained now."""
+
+import json
+import shutil
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.progress import Progress
+
+import pcsr
+from pcsr.data.built import Built
+from pcsr.data.loading import LOADERS
+from pcsr.data.source import Data
+from pcsr.errors import PcsrWarning, UserError
+from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
+from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.train import CHECKPOINT, HISTORY, train
+from pcsr.files import write_text
+from pcsr.network.load import load_weights, save_weights
+from pcsr.network.network import Network
+from pcsr.network.origins import other_code
+from pcsr.plugins.registry import Registry
+from pcsr.recipe import Recipe
+from pcsr.recipe.pretrained import check_weights
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
+
+RETRAINING = "retraining"
+"""The folder in a run folder where `--retrain` keeps its checkpoint and its history until it is finished."""
+
+
+def trained(
+    recipe: Recipe,
+    registry: Registry,
+    fingerprint: str,
+    data: Data,
+    fabric: "Fabric",
+    place: Place,
+    progress: Progress,
+) -> tuple[Network, dict[str, Any]]:
+    """The recipe's network with finished weights, and where they came from.
+
+    Args:
+        recipe: as it is run.
+        registry: gives the parts.
+        fingerprint: of the data.
+        data: gives its splits.
+        fabric: launched; says where to train.
+        place: where runs are kept, and whether old weights are kept or replaced.
+        progress: shows what is done.
+
+    Raises:
+        UserError: the weights that are asked for are not there, or cannot be used.
+    """
+    named = check_weights(recipe, registry)
+    folder = run_folder(recipe, place)
+    if named is not None and place.retrain:
+        raise UserError(f"recipe '{recipe.name}' names weights, so that nothing is trained: leave out --retrain")
+    if named is not None:
+        source = f"{named.path.stem} of recipe '{named.recipe.name}', sha256 {named.sha256[:12]}"
+        return _loaded(named.path, source, registry, progress)
+    exact = None if place.retrain else of_recipe(recipe, fingerprint, place.runs, folder)
+    if exact is not None:
+        return _loaded(*exact, registry, progress)
+    earlier = None if place.retrain else of_other_code(recipe, fingerprint, place.runs, registry)
+    if place.keep_weights:
+        return _kept(recipe, earlier, registry, place, progress)
+    # Until new weights are finished, those that are there stay as they are, and their history with them.
+    training_folder = folder / RETRAINING if place.retrain else folder
+    # One process writes the recipe and builds the data, the others wait and read it.
+    with fabric.rank_zero_first():
+        train_data, validation = data("train", progress), data("validation", progress)
+        if fabric.is_global_zero:
+            data("test", progress)  # what is missing or damaged is said before hours of training
+            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
+            training_folder.mkdir(exist_ok=True)
+    if fabric.is_global_zero:
+        if earlier is not None:
+            remedy = "training again; --keep-weights measures the old weights with the new code"
+            progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
+        why = "--retrain" if place.retrain else "no weights of exactly this recipe yet"
+        progress.console.print(f"{why}: training, {recipe.train.epochs} epochs")
+    task = progress.add_task("training", total=None)
+    network = train(
+        recipe,
+        registry,
+        train_data,
+        validation,
+        training_folder,
+        fabric,
+        shown=lambda p: progress.update(
+            task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
+        ),
+        loaders=max(1, place.jobs // fabric.world_size) if place.jobs else LOADERS,
+        data_fingerprint=fingerprint,
+    )
+    if not fabric.is_global_zero:  # the history is the first process's, who may not be done with it
+        return network, {}
+    training = _training(training_folder, fabric)
+    card: dict[str, Any] = {
+        "name": recipe.name,
+        "fingerprint": recipe.fingerprint,
+        "data_fingerprint": fingerprint,
+        "recipe": recipe.resolved(),
+        "version": pcsr.__version__,
+        "training": training,
+    }
+    if recipe.code:
+        card["settings_fingerprint"] = recipe.settings_fingerprint
+    if place.data:
+        card["data"] = Built.read(place.data).card()
+    save_weights(folder / WEIGHTS, network, card, registry)
+    if place.retrain:
+        write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
+        (training_folder / CHECKPOINT).unlink()  # first: without its history it would be of no use
+        shutil.rmtree(training_folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    return network, {**training, "source": "trained by this run"}
+
+
+def _kept(
+    recipe: Recipe, earlier: Earlier | None, registry: Registry, place: Place, progress: Progress
+) -> tuple[Network, dict[str, Any]]:
+    """The network with weights of other code, which whoever reads the results is told.
+
+    Raises:
+        UserError: there are none, or they don't fit the code of now.
+    """
+    if earlier is None:
+        raise UserError(
+            f"--keep-weights: {place.runs} holds no weights of recipe '{recipe.name}', of this code or of other code: "
+            f"leave it out, and it is trained"
+        )
+    try:
+        network, training = _loaded(earlier.path, f"kept with --keep-weights, as {earlier}", registry, progress)
+    except UserError as error:
+        raise UserError(
+            f"--keep-weights: {earlier}, and the old weights cannot be used with it: leave --keep-weights out, and it "
+            f"is trained again. What is wrong: {error}"
+        ) from error
+    return network, {
+        **training,
+        "source": f"those of {earlier.path.parent}",
+        "other_code": f"{earlier} (--keep-weights)",
+    }
+
+
+def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
+    """A network with the weights of a file, and what its card says of their training."""
+    progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", PcsrWarning)
+        network, recipe, card = load_weights(path, registry)
+    for one in said:
+        progress.console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+    differs = other_code(recipe, card, registry)
+    marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
+    training = card.get("training")
+    return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
+
+
+def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
+    """What the history says of a finished training."""
+    lines = [json.loads(line) for line in (folder / HISTORY).read_text(encoding="utf-8").splitlines()]
+    steps = [line for line in lines if "loss" in line]
+    checks = [line["validation"] for line in lines if "validation" in line]
+    return {
+        "seconds": steps[-1]["seconds"],
+        "steps": steps[-1]["step"],
+        "device": f"{fabric.world_size} x {fabric.device.type}",
+        "threads": steps[-1].get("threads"),
+        "validation": checks[-1] if checks else {},
+    }

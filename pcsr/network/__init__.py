@@ -1,0 +1,1 @@
+"""The network: parts in a row, built from a recipe, saved and loaded."""

@@ -1,0 +1,150 @@
+"""Who made the parts of weights: what their card says of it, and what is here."""
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pcsr import __version__
+from pcsr.errors import UserError
+from pcsr.plugins.registry import FILE, OURS, Registry
+from pcsr.recipe import MODEL, Recipe
+from pcsr.recipe.merge import PARTS
+from pcsr.recipe.source import Keys
+
+PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
+"""What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
+LONG = 100
+"""Characters of a name in a message, of which a card may have millions."""
+ANEW = "They may come from another version of its parts: train again, or install that version"
+
+
+def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
+    """The parts of a resolved recipe that do not come with pcsr: kind, name, owner and version of each.
+
+    Of a plugin file the owner is its name, without the folder, and the version is "file".
+    """
+    parts = []
+    for kind, name in _used(recipe):
+        entry = registry.entries.get((kind, name))
+        if entry is not None and entry.owner != OURS:
+            parts.append({"kind": kind, "name": name, "owner": entry.brought_by, "version": entry.version})
+    return parts
+
+
+def _used(recipe: Mapping[str, Any], places: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
+    """Kind and name of each part that a recipe names at these places, each once, whatever else is wrong with it."""
+    used = []
+    for (section, place), kind in ((keys, kind) for keys, kind in PARTS.items() if keys in places):
+        inner = recipe.get(str(section))
+        part = inner.get(place) if isinstance(inner, dict) else None
+        if isinstance(part, dict) and isinstance(part.get("use"), str):
+            used.append((kind, part["use"]))
+    return list(dict.fromkeys(used))
+
+
+def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
+    """What a card says of foreign parts, as far as it can be believed."""
+    parts = card.get("parts")
+    return [
+        part
+        for part in (parts if isinstance(parts, list) else [])
+        if isinstance(part, dict)
+        and all(isinstance(part.get(key), str) and re.fullmatch(shape, part[key]) for key, shape in PLAIN.items())
+    ]
+
+
+def check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
+    """Name the parts of the network that are not here, and what brings them.
+
+    Raises:
+        UserError: at least one is not here.
+    """
+    known = {(part["kind"], part["name"]): part for part in _parts(card)}
+    missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
+    if missing:
+        needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
+        raise UserError(f"the weights {path} need {needed}")
+
+
+def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
+    """A part that is not here, and the remedy."""
+    if part is None:  # before it was noted, or a part of ours that has gone
+        name = name if re.fullmatch(PLAIN["name"], name[:LONG]) else ascii(name[:LONG])[1:-1]
+        return f"{kind} '{name[:LONG]}', which no plugin here brings: install the one that does, or hand its file in"
+    owner, version = part["owner"], part["version"]
+    if version == FILE:
+        return f"{kind} '{name}' of the plugin file {owner}: hand in that file with --plugin (in Python: plugins=[…])"
+    if any(failure.owner == owner for failure in registry.failures):
+        return f"{kind} '{name}' of {owner} {version}, which failed to load: see `pcsr plugins --why {owner}`"
+    installed = {entry.owner: entry.version for entry in registry}.get(owner)
+    here = "" if installed is None else f", and {owner} {installed} is installed"
+    return f"{kind} '{name}' of {owner} {version}{here}: pip install {owner}=={version}"
+
+
+def made_by(card: Mapping[str, Any], registry: Registry) -> str:
+    """What to do about weights that don't fit: which versions made them, and which are here."""
+    made, here, install, files = [], [], [], []
+    for part in _parts(card):
+        entry = registry.entries.get((part["kind"], part["name"]))
+        if entry is None or (entry.brought_by, entry.version) == (part["owner"], part["version"]):
+            continue
+        made.append(f"{part['kind']} '{part['name']}' of {part['owner']} {part['version']}")
+        here.append(f"{entry.brought_by} {entry.version}")
+        if part["version"] == FILE:
+            files.append(part["owner"])
+        else:
+            install.append(f"{part['owner']}=={part['version']}")
+    version = card.get("version")
+    if isinstance(version, str) and re.fullmatch(PLAIN["version"], version) and version != __version__:
+        made.append(f"pcsr {version}")
+        here.append(f"pcsr {__version__}" if here else __version__)
+        install.append(f"pcsr=={version}")
+    if not made:
+        return ANEW
+    ways = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
+    ways += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
+    return f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(ways)}, or train again"
+
+
+def changed(recipe: Recipe, written: Any, registry: Registry, places: Iterable[Keys] = PARTS.keys()) -> dict[str, str]:
+    """The parts whose code is other than it was.
+
+    Args:
+        recipe: with the code of now.
+        written: the recipe as it was resolved then, in a card.
+        registry: who brings the parts now.
+        places: that are looked at.
+
+    Returns:
+        By its place each part in words, such as "fusion 'x' (mine.py)".
+    """
+    then = written.get("code") if isinstance(written, dict) else None
+    then = then if isinstance(then, dict) else {}
+    found = {}
+    for section, key in places:
+        place = f"{section}.{key}"
+        spec = getattr(getattr(recipe, str(section)), str(key))
+        if spec is not None and then.get(place) != recipe.code.get(place):
+            kind = PARTS[section, key]
+            entry = registry.entries.get((kind, spec.use))
+            found[place] = f"{kind} '{spec.use}'" + (f" ({entry.brought_by})" if entry else "")
+    return found
+
+
+def other_code(recipe: Recipe, card: Mapping[str, Any], registry: Registry) -> str | None:
+    """What to say of weights whose network has other code here than when they were made; None if it has the same.
+
+    Nothing is said of a plugin whose code the card does not know, as those of pcsr 0.1.0 do.
+    """
+    written = card.get("recipe")
+    then = written.get("code", {}) if isinstance(written, dict) else {}
+    then = then if isinstance(then, dict) else {}
+    said = []
+    for place, part in changed(recipe, written, registry, sorted(MODEL)).items():
+        old, new = then.get(place), recipe.code.get(place)
+        if old is None and new is not None and not new.startswith("version"):
+            continue
+        shown = [str(one)[:LONG] if one is not None else "version 1" for one in (old, new)]
+        said.append(f"{part} of code {ascii(shown[0])[1:-1]}, and this is {shown[1]}")
+    return f"made by {'; '.join(said)}" if said else None

@@ -1,0 +1,1 @@
+"""Pickled arrays of recordings, read without running anything that they name."""

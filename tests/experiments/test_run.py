@@ -1,0 +1,321 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from lightning_fabric import Fabric
+from rich.progress import Progress
+from safetensors.torch import load_file
+
+from pcsr import UserError
+from pcsr.data.dataset import Split
+from pcsr.experiments.run import packages
+from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.train import train
+from pcsr.experiments.trained_network import trained
+from pcsr.geometry.frames import UnitSphere
+from pcsr.metrics import chamfer
+from pcsr.network.load import load_weights, read_card, save_weights
+from pcsr.network.network import build
+from pcsr.plugins.loading import load_plugins
+from pcsr.recipe import load
+from pcsr.recipe.schema import Weights
+
+ROOT = Path(__file__).parents[2]
+TINY = [
+    "data.points=64", "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
+    "train.epochs=3", "train.batch=4", "model.upsampler.start=point",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return load_plugins()
+
+
+@pytest.fixture(scope="module")
+def recipe(registry):
+    return load(ROOT / "recipes/smoke.yaml", registry, TINY)[0]
+
+
+@pytest.fixture(scope="module")
+def split():
+    generator = torch.Generator().manual_seed(0)
+    truth = torch.nn.functional.normalize(torch.randn(8, 256, 3, generator=generator), dim=-1)
+    names = [str(i) for i in range(8)]
+    felt = truth[:, :60].reshape(8, 2, 30, 3)
+    spheres = [UnitSphere.fit(cloud.numpy()) for cloud in truth]
+    return Split(
+        names, names, list(truth), list(truth[:, 100:164]), list(felt), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
+    )
+
+
+def weights(network):
+    return torch.cat([p.detach().flatten() for p in network.parameters()])
+
+
+def fabric():
+    return Fabric(accelerator="cpu", devices=1)
+
+
+def test_stopping_and_going_on_gives_the_weights_of_not_stopping(recipe, registry, split, tmp_path):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    whole.mkdir(), parts.mkdir()
+
+    def stop(progress):
+        if progress.step == 3:
+            raise KeyboardInterrupt
+
+    once = train(recipe, registry, split, split, whole, fabric())
+    with pytest.raises(KeyboardInterrupt):
+        train(recipe, registry, split, split, parts, fabric(), shown=stop, checkpoint_every=0.0)
+    twice = train(recipe, registry, split, split, parts, fabric())
+    assert torch.equal(weights(once), weights(twice))
+    steps = [json.loads(line)["step"] for line in (parts / "metrics.jsonl").read_text().splitlines() if "loss" in line]
+    assert steps == list(range(1, 7))
+
+
+def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, registry, split):
+    network = build(recipe, registry).eval()
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
+    plain = network(points, 4)
+    absent = torch.zeros(2, 2, dtype=torch.bool)
+    assert torch.equal(network(points, 4, felt, absent), plain)
+    mixed = network(points, 4, felt, torch.tensor([[True, True], [False, False]]))
+    assert torch.allclose(mixed[1], plain[1], atol=1e-6)
+    assert torch.allclose(mixed[0], network(points[:1], 4, felt[:1])[0], atol=1e-5)
+    assert not torch.allclose(mixed[0], plain[0], atol=1e-5)
+
+
+def test_gradients_reach_the_touch_encoder(recipe, registry, split):
+    network = build(recipe, registry)
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
+    network(points, 4, felt).square().sum().backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
+
+
+def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, split):
+    network, order = build(recipe, registry).eval(), torch.randperm(64)
+    points, felt, truth = (torch.stack(list(clouds)) for clouds in (split.points, split.touches, split.truth))
+    with torch.no_grad():
+        one = chamfer(network(points, 4, felt), truth)
+        other = chamfer(network(points[:, order], 4, felt), truth)
+    assert torch.allclose(one, other, rtol=1e-5)
+
+
+def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
+    overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
+    network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
+    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
+    with torch.no_grad():
+        whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
+    assert whole.shape == (2, 4 * (64 + 60), 3), "in training all is judged that was made"
+    assert thinned.shape == (2, 256, 3)
+    assert torch.cdist(thinned, whole, compute_mode="donot_use_mm_for_euclid_dist").amin(2).max() < 1e-5
+
+
+def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
+    network, path = build(recipe, registry), tmp_path / "w.safetensors"
+    save_weights(path, network, {"recipe": recipe.resolved()})
+    again, recipe_again, _ = load_weights(path, registry)
+    assert recipe_again.resolved() == recipe.resolved()
+    assert torch.equal(weights(again), weights(network))
+    wider = recipe.resolved()
+    wider["model"]["encoder"]["channels"] = 16
+    save_weights(path, network, {"recipe": wider})
+    with pytest.raises(UserError, match=r"do not fit the network of their recipe: encoder\."):
+        load_weights(path, registry)
+    path.write_bytes(path.read_bytes()[:50])
+    with pytest.raises(UserError, match="not a weights file"):
+        read_card(path)
+
+
+@pytest.mark.parametrize("name", [path.stem for path in (ROOT / "pcsr/weights").glob("*.safetensors")])
+def test_shipped_weights_are_those_of_their_recipe(name, registry):
+    path = ROOT / f"pcsr/weights/{name}.safetensors"
+    _, recipe, card = load_weights(path, registry)
+    (written,) = load(ROOT / f"recipes/shipped/{name}.yaml", registry)
+    assert (recipe.model, recipe.train, recipe.seed) == (written.model, written.train, written.seed)
+    assert card["fingerprint"] == recipe.fingerprint
+    assert len(card["data"]) == len(recipe.joined) == 3  # of each data set what it is, for the model card
+    assert path.stat().st_size < 8e6
+
+
+def test_the_whole_way_as_a_person_goes_it(tmp_path):
+    plugin = tmp_path / "mine.py"
+    plugin.write_text(
+        "from pcsr import Fusion, hookimpl\n"
+        "class Mine(Fusion):\n"
+        "    def __init__(self, widths):\n        super().__init__()\n"
+        "    def forward(self, points, features, touches):\n        return features + touches.flat.mean()\n"
+        "@hookimpl\ndef pcsr_register(register):\n    register.fusion('mine', Mine)\n"
+    )
+    broken = tmp_path / "broken.py"
+    broken.write_text("raise RuntimeError('no')\n")
+    small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
+    command = [
+        str(Path(sys.executable).with_name("pcsr")),
+        "run",
+        str(ROOT / "recipes/smoke.yaml"),
+        "--runs",
+        str(tmp_path / "r"),
+    ]
+    command += [
+        "--plugin",
+        str(plugin),
+        "--plugin",
+        str(broken),
+        *(w for s in [*TINY[:4], *small] for w in ("--set", s)),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "midpoint" in done.stdout
+    (folder,) = (tmp_path / "r").glob("smoke-*")
+    assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
+
+
+def test_two_processes_train_the_weights_of_one(tmp_path):
+    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
+    pcsr = str(Path(sys.executable).with_name("pcsr"))
+    arguments = [pcsr, "run", str(ROOT / "recipes/smoke.yaml"), "--device", "cpu"]
+    arguments += [word for setting in [*TINY[:4], "train.batch=4", *small] for word in ("--set", setting)]
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    trained = []
+    for head, tail in (([], []), (torchrun, ["--devices", "2"])):
+        runs = tmp_path / str(len(tail))
+        done = subprocess.run(
+            [*head, *arguments, *tail, "--runs", str(runs)], capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, done.stderr
+        (path,) = runs.glob("smoke-*/weights.safetensors")
+        trained.append(load_file(path))
+    one, two = trained
+    assert all(torch.allclose(one[name], two[name], atol=1e-4) for name in one)
+
+
+def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
+    pcsr = str(Path(sys.executable).with_name("pcsr"))
+
+    def call(*words):
+        done = subprocess.run([pcsr, *map(str, words), "--plugin", world], capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def settings(*those):
+        return [word for setting in those for word in ("--set", setting)]
+
+    made = settings("touch=caps", "points=64", "rate=4", "touches=2", "count=4", "held_out=2", "seed=5")
+    call("data", "make", "balls", "-o", tmp_path / "data", *made)
+    before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
+    small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
+    run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
+    assert "midpoint" in call(*run, *small)
+    (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
+    told = json.loads(results.read_text())
+    manifest = json.loads((tmp_path / "data" / "manifest.json").read_text())
+    assert told["data"]["fingerprint"] == manifest["fingerprint"]
+    assert (told["data"]["shapes"], told["data"]["points"], told["recipe"]["data"]["seed"]) == ("balls", 64, 5)
+    assert not (tmp_path / "runs" / "data").exists()
+    assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before
+
+
+class UntrainedError(Exception):
+    """Data was asked for: no finished weights were found."""
+
+
+@pytest.fixture
+def finished(recipe, registry, tmp_path):
+    """Asks for a recipe's network where an earlier run of `recipe` has left its weights."""
+
+    def leave(of, data="data", runs="runs"):
+        network = build(of, registry)
+        card = {
+            "recipe": of.resolved(),
+            "fingerprint": of.fingerprint,
+            "data_fingerprint": data,
+            "training": {"seconds": 7.0},
+        }
+        path = run_folder(of, Place(runs=tmp_path / runs)) / "weights.safetensors"
+        path.parent.mkdir(parents=True)
+        save_weights(path, network, card)
+        return network
+
+    def ask(of, data="data"):
+        def untrained(split, progress):
+            raise UntrainedError
+
+        with Progress(disable=True) as progress:
+            return trained(of, registry, data, untrained, fabric(), Place(runs=tmp_path / "runs"), progress)
+
+    return leave, ask
+
+
+def test_the_same_training_is_not_done_again_under_another_name(recipe, finished):
+    leave, ask = finished
+    network = leave(recipe)
+    assert recipe.touch_range == (0, 2), "a number of its own: that of the evaluation is free"
+    data = recipe.data.model_copy(update={"touches": 1})
+    for other in (recipe.model_copy(update={"name": "renamed"}), recipe.model_copy(update={"name": "x", "data": data})):
+        found, source = ask(other)
+        assert torch.equal(weights(found), weights(network))
+        assert not found.training
+        assert source == {"seconds": 7.0, "source": "another run of this recipe"}
+    assert ask(recipe)[1]["source"] == "this run folder"
+
+
+def test_what_is_another_training_is_not_taken_for_this_one(recipe, finished):
+    leave, ask = finished
+    leave(recipe)
+    other = recipe.model_copy(update={"name": "renamed", "seed": recipe.seed + 1})
+    with pytest.raises(UntrainedError):
+        ask(other)
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}), data="other data")
+
+
+def test_a_folder_whose_name_merely_ends_alike_is_not_believed(recipe, finished, tmp_path):
+    leave, ask = finished
+    other = recipe.model_copy(update={"seed": recipe.seed + 1})
+    leave(other)
+    (folder,) = (tmp_path / "runs").iterdir()
+    folder.rename(folder.with_name(f"{recipe.name}-{recipe.fingerprint[:8]}"))
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}))
+
+
+def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, finished):
+    leave, ask = finished
+    leave(recipe, runs="elsewhere")
+    with pytest.raises(UntrainedError):
+        ask(recipe.model_copy(update={"name": "renamed"}))
+
+
+@pytest.mark.parametrize(
+    ("settings", "built", "needed"),
+    [
+        (["evaluate.metrics=[cd]"], False, {"manifold3d", "embreex"}),
+        (["evaluate.metrics=[cd]"], True, set()),
+        (["evaluate.metrics=[cd, p2f]"], True, {"manifold3d"}),
+        (["evaluate.metrics=[cd]", "evaluate.beside=[floor]"], True, {"manifold3d"}),
+        (["evaluate.metrics=[cd, emd]"], True, set()),  # 256 points: scipy's
+        (["evaluate.metrics=[cd, emd]", "data.points=512"], True, {"ot"}),
+        (["evaluate.metrics=[cd]", "train.objective=pu-net"], True, {"ot"}),
+        (["evaluate.metrics=[cd]", "train.objective=pu-net", "weights=tapsr"], True, set()),
+        (["evaluate.metrics=[cd]", "data.touches=0", "train.touches=0"], False, {"manifold3d"}),
+        (["evaluate.metrics=[cd]", "data.touches=0", "train.touches=[0, 2]"], False, {"manifold3d", "embreex"}),
+        (
+            ["evaluate.metrics=[cd]", "data.touches=0", "train.touches=0", "data.sampling=view"],
+            False,
+            {"manifold3d", "embreex"},
+        ),
+    ],
+)
+def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, built, needed):
+    plain = [one for one in settings if not one.startswith("weights")]
+    one = load(ROOT / "recipes/smoke.yaml", registry, [*TINY, *plain])[0]
+    if plain != settings:
+        one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
+    place = Place(data=(Path("data"),) if built else ())
+    assert packages(one, registry, place).keys() == needed | {"lightning_fabric", "plotly"}

@@ -1,0 +1,408 @@
+"""Weights and the state of training, to a file and back."""
+
+import dataclasses
+import functools
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from safetensors.torch import load_file, save_file
+
+from pcsr import __version__
+from pcsr.errors import UserError
+from pcsr.network.load import (
+    fill,
+    load_training,
+    load_weights,
+    read_card,
+    save_training,
+    save_weights,
+    tensors_hash,
+)
+from pcsr.network.network import build
+from pcsr.network.origins import foreign_parts
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Failure
+from pcsr.recipe import Recipe, load
+
+SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+
+
+def recipe(*overrides: str) -> Recipe:
+    (only,) = load(SMOKE, load_plugins(), ["model.encoder.channels=16", "model.backbone.channels=[8, 16]", *overrides])
+    return only
+
+
+@pytest.fixture
+def saved(tmp_path):
+    network = build(recipe(), load_plugins())
+    path = tmp_path / "weights.safetensors"
+    save_weights(path, network, {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}})
+    return path, network
+
+
+def test_weights_come_back_bit_for_bit(saved):
+    path, network = saved
+    loaded, its_recipe, card = load_weights(path, load_plugins())
+    assert its_recipe.resolved() == recipe().resolved()
+    assert its_recipe.model == recipe().model
+    assert card["metrics"] == {"cd": 0.125}
+    assert not loaded.training
+    before, after = network.state_dict(), loaded.state_dict()
+    assert before.keys() == after.keys()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+def test_the_weights_that_come_back_are_those_of_the_file_not_of_the_seed(saved):
+    path, network = saved
+    with torch.no_grad():
+        for weight in network.parameters():
+            weight.add_(1)
+    save_weights(path, network, {"recipe": recipe().resolved()})
+    loaded = load_weights(path, load_plugins())[0]
+    assert all(torch.equal(a, b) for a, b in zip(network.parameters(), loaded.parameters(), strict=True))
+
+
+def test_the_card_is_read_alone_and_no_temporary_file_stays(saved):
+    path, network = saved
+    sha256 = tensors_hash(network.state_dict())
+    assert read_card(path) == {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}, "sha256": sha256}
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_weights_of_another_shape_are_named(saved):
+    path, network = saved
+    save_weights(path, network, {"recipe": recipe("model.upsampler.hidden=24").resolved()})
+    with pytest.raises(UserError, match=r"upsampler\.mlp\.0\.weight is \(16, 4\), not \(24, 4\)") as caught:
+        load_weights(path, load_plugins())
+    assert str(path) in str(caught.value)
+
+
+def test_missing_and_unknown_weights_are_named_and_nothing_is_changed():
+    network = torch.nn.Linear(2, 1)
+    before = network.weight.clone()
+    tensors = {"weight": torch.zeros(1, 2), "bias2": torch.zeros(1)}
+    with pytest.raises(UserError, match=r"in here do not fit .*: bias is missing; bias2 is unknown\."):
+        fill(network, tensors, Path("here"))
+    assert torch.equal(network.weight, before)
+
+
+def test_of_many_misfits_three_are_named():
+    with pytest.raises(UserError, match=r"0 is unknown; 1 is unknown; 2 is unknown and 4 more\."):
+        fill(torch.nn.Identity(), {str(i): torch.zeros(1) for i in range(7)}, Path("here"))
+
+
+@pytest.mark.parametrize("damage", ["cut", "header", "empty", "text"])
+def test_a_damaged_file_is_refused(saved, damage):
+    path, _ = saved
+    content = path.read_bytes()
+    damaged = {"cut": content[:-100], "header": b"\xff" * 8 + content[8:], "empty": b"", "text": b"hello" * 100}
+    path.write_bytes(damaged[damage])
+    with pytest.raises(UserError, match="is not a weights file of pcsr") as caught:
+        load_weights(path, load_plugins())
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "metadata", [None, {"format": "pt"}, {"pcsr": "{"}, {"pcsr": "[1]"}, {"pcsr": "null"}, {"pcsr": "[" * 100_000}]
+)
+def test_a_safetensors_file_of_others_is_refused(tmp_path, metadata):
+    save_file({"weight": torch.zeros(2)}, tmp_path / "other.safetensors", metadata)
+    with pytest.raises(UserError, match="is not a weights file of pcsr"):
+        read_card(tmp_path / "other.safetensors")
+
+
+def test_a_card_without_recipe_is_refused(saved):
+    path, network = saved
+    save_weights(path, network, {"metrics": {}})
+    with pytest.raises(UserError, match=r"weights\.safetensors"):
+        load_weights(path, load_plugins())
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(UserError, match="there is no such weights file"):
+        load_weights(tmp_path / "none.safetensors", load_plugins())
+
+
+plugins = functools.cache(load_plugins)
+
+
+def refusal(path, registry=None):
+    """What a person reads: one line that names the file."""
+    with pytest.raises(UserError) as caught:
+        load_weights(path, registry or plugins())
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_folder_is_refused(tmp_path):
+    assert "is a folder" in refusal(tmp_path)
+
+
+def test_a_file_cut_anywhere_is_refused(tmp_path):
+    path = tmp_path / "small.safetensors"
+    save_weights(path, torch.nn.Linear(2, 1), {"name": "small"})
+    assert "holds no recipe" in refusal(path)
+    content = path.read_bytes()
+    for length in range(len(content)):
+        path.write_bytes(content[:length])
+        assert "is not a weights file of pcsr" in refusal(path)
+    path.write_bytes(content + b"\0")
+    assert "is not a weights file of pcsr" in refusal(path)
+
+
+FREELY = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@FREELY
+@given(st.binary(max_size=300), st.booleans())
+def test_any_bytes_are_refused(tmp_path, content, headed):
+    path = tmp_path / "bytes.safetensors"
+    path.write_bytes(len(content).to_bytes(8, "little") * headed + content)
+    assert "is not a weights file of pcsr" in refusal(path)
+
+
+@FREELY
+@given(st.floats(0, 1, exclude_max=True), st.integers(1, 255))
+def test_no_byte_of_the_weights_can_change_unseen(saved, place, change):
+    path, network = saved
+    content = bytearray(path.read_bytes())
+    weights = sum(tensor.nbytes for tensor in network.state_dict().values())
+    at = len(content) - 1 - int(place * weights)
+    content[at] ^= change
+    changed = path.with_name("changed.safetensors")
+    changed.write_bytes(content)
+    assert "has changed since it was written (its hash differs): get it again" in refusal(changed)
+
+
+@FREELY
+@given(st.data())
+def test_a_header_with_a_changed_byte_loads_or_is_refused_in_one_line(saved, data):
+    path, _ = saved
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, 7 + int.from_bytes(content[:8], "little")))] = data.draw(st.integers(0, 255))
+    changed = path.with_name("changed.safetensors")
+    changed.write_bytes(content)
+    try:
+        load_weights(changed, plugins())
+    except UserError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+def test_a_file_without_a_hash_is_read_as_before(saved):
+    path, network = saved
+    card = {key: value for key, value in read_card(path).items() if key != "sha256"}
+    tensors = load_file(path)
+    name = next(iter(tensors))
+    tensors[name] += 1
+    save_file(tensors, path, {"pcsr": json.dumps(card)})
+    loaded = load_weights(path, load_plugins())[0]
+    assert torch.equal(loaded.state_dict()[name], network.state_dict()[name] + 1)
+
+
+def test_the_hash_is_of_names_types_shapes_and_bytes_in_the_order_of_the_names():
+    tensors = {"b": torch.tensor([1.0, 2.0]), "a": torch.tensor(3, dtype=torch.int64)}
+    by_hand = hashlib.sha256(
+        b'["a", "torch.int64", []]\n'
+        + (3).to_bytes(8, "little")
+        + b'["b", "torch.float32", [2]]\n'
+        + bytes.fromhex("0000803f00000040")
+    ).hexdigest()
+    assert tensors_hash(tensors) == tensors_hash(dict(reversed(tensors.items()))) == by_hand
+    others = [
+        {"b": tensors["b"]},
+        {"c": tensors["b"], "a": tensors["a"]},
+        {**tensors, "b": tensors["b"][None]},
+        {**tensors, "b": tensors["b"].view(torch.int32)},
+        {**tensors, "b": torch.tensor([1.0, -2.0])},
+    ]
+    assert len({by_hand, *map(tensors_hash, others)}) == 6
+    square = torch.arange(6.0).view(2, 3)
+    assert tensors_hash({"w": square.t()}) == tensors_hash({"w": square.t().contiguous()})
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_weights_that_are_not_finite_are_named(saved, value):
+    path, network = saved
+    with torch.no_grad():
+        network.upsampler.mlp[0].bias[3] = value
+    save_weights(path, network, {"recipe": recipe().resolved()})
+    assert "its weights 'upsampler.mlp.0.bias' are not all finite" in refusal(path)
+
+
+def brought(owner, version, kind="fusion", name=None, registry=None):
+    """A registry whose part is somebody else's."""
+    registry = registry or load_plugins()
+    key = kind, name or getattr(recipe().model, kind).use
+    registry.entries[key] = dataclasses.replace(registry.entries[key], owner=owner, version=version)
+    return registry
+
+
+def test_parts_of_others_are_noted_each_once_and_ours_are_not():
+    plain = recipe().resolved()
+    assert foreign_parts(plain, load_plugins()) == []
+    fusion, encoder = recipe().model.fusion.use, recipe().model.encoder.use
+    registry = brought("/home/me/mine.py", "file", "encoder", registry=brought("pcsr-attention", "0.2"))
+    assert foreign_parts(plain, registry) == [
+        {"kind": "encoder", "name": encoder, "owner": "mine.py", "version": "file"},
+        {"kind": "fusion", "name": fusion, "owner": "pcsr-attention", "version": "0.2"},
+    ]
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """Weights whose fusion came with another distribution."""
+    path, registry = tmp_path / "foreign.safetensors", brought("pcsr-attention", "0.2")
+    save_weights(path, build(recipe(), registry), {"recipe": recipe().resolved(), "version": __version__}, registry)
+    return path, registry, recipe().model.fusion.use
+
+
+def test_weights_with_parts_of_others_load_where_those_are(foreign):
+    path, registry, fusion = foreign
+    card = load_weights(path, registry)[2]
+    assert card["parts"] == [{"kind": "fusion", "name": fusion, "owner": "pcsr-attention", "version": "0.2"}]
+
+
+def test_a_missing_part_is_named_with_what_brings_it(foreign):
+    path, registry, fusion = foreign
+    del registry.entries["fusion", fusion]
+    assert refusal(path, registry) == (
+        f"the weights {path} need fusion '{fusion}' of pcsr-attention 0.2: pip install pcsr-attention==0.2"
+    )
+    brought("pcsr-attention", "0.3", name="none", registry=registry)
+    assert "0.2, and pcsr-attention 0.3 is installed: pip install pcsr-attention==0.2" in refusal(path, registry)
+    registry.failures.append(Failure("pcsr-attention", "0.2", ImportError("no")))
+    assert "which failed to load: see `pcsr plugins --why pcsr-attention`" in refusal(path, registry)
+
+
+def test_a_missing_plugin_file_is_asked_for(tmp_path):
+    path, registry = tmp_path / "w.safetensors", brought("/home/me/mine.py", "file")
+    save_weights(path, build(recipe(), registry), {"recipe": recipe().resolved()}, registry)
+    del registry.entries["fusion", recipe().model.fusion.use]
+    assert re.search(r"of the plugin file mine\.py: hand in that file with --plugin", refusal(path, registry))
+
+
+@pytest.mark.parametrize("parts", [None, 3, [3], [{"kind": "fusion"}], "evil"])
+def test_a_missing_part_of_which_nothing_can_be_believed_is_named_alone(saved, parts):
+    path, network = saved
+    fusion, registry = recipe().model.fusion.use, load_plugins()
+    if parts == "evil":
+        parts = [{"kind": "fusion", "name": fusion, "owner": "x; rm -r .", "version": "1\n2"}]
+    save_weights(path, network, {"recipe": recipe().resolved(), "parts": parts})
+    del registry.entries["fusion", fusion]
+    assert f"need fusion '{fusion}', which no plugin here brings" in refusal(path, registry)
+
+
+def test_where_weights_do_not_fit_both_versions_are_named(foreign):
+    path, registry, fusion = foreign
+    network, wider = build(recipe(), registry), recipe("model.upsampler.hidden=24").resolved()
+    save_weights(path, network, {"recipe": wider, "version": __version__}, registry)
+    assert "They may come from another version of its parts" in refusal(path, registry), "the versions are the same"
+    newer = brought("pcsr-attention", "0.3")
+    assert refusal(path, newer).endswith(
+        f"They were made by fusion '{fusion}' of pcsr-attention 0.2, this is pcsr-attention 0.3: "
+        f"pip install pcsr-attention==0.2, or train again"
+    )
+    save_weights(path, network, {"recipe": wider, "version": "0.0.9"})
+    assert refusal(path, newer).endswith(
+        f"They were made by pcsr 0.0.9, this is {__version__}: pip install pcsr==0.0.9, or train again"
+    )
+    save_weights(path, network, {"recipe": wider, "version": "0.0.9"}, brought("/home/me/mine.py", "file"))
+    assert refusal(path, registry).endswith(
+        f"by fusion '{fusion}' of mine.py file and pcsr 0.0.9, this is pcsr-attention 0.2 and pcsr {__version__}: "
+        f"pip install pcsr==0.0.9, hand in mine.py with --plugin, or train again"
+    )
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        (("model", "upsampler", "colour"), "red", "takes no 'colour'"),
+        (("model", "encoder", "channels"), -1, "cannot be built here"),
+        (("model", "encoder", "channels"), 10**12, "cannot be built here"),
+        (("model",), 3, "cannot be built here"),
+        (("data",), None, "cannot be built here"),
+        (("model", "fusion"), [], "cannot be built here"),
+    ],
+)
+def test_a_recipe_that_cannot_be_built_is_refused_with_the_version_that_made_it(saved, keys, value, said):
+    path, network = saved
+    plain = recipe().resolved()
+    inner = plain
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    save_weights(path, network, {"recipe": plain, "version": "0.0.9"})
+    message = refusal(path)
+    assert said in message
+    assert f"made by pcsr 0.0.9, this is {__version__}" in message
+
+
+@pytest.mark.parametrize("kind", [torch.optim.Adam, torch.optim.AdamW])
+def test_training_goes_on_as_if_never_saved(tmp_path, kind):
+    def step(network, optimizer):
+        optimizer.zero_grad()
+        network(torch.arange(6.0).view(2, 3)).square().sum().backward()
+        optimizer.step()
+
+    torch.manual_seed(0)
+    network = torch.nn.Linear(3, 2)
+    optimizer = kind(network.parameters(), lr=0.1)
+    step(network, optimizer)
+    path, about = tmp_path / "checkpoint.safetensors", {"step": 1, "seconds": 0.5}
+    save_training(path, network, optimizer, about)
+    other = torch.nn.Linear(3, 2)
+    restored = kind(other.parameters(), lr=0.1)
+    assert load_training(path, other, restored) == about
+    for _ in range(3):
+        step(network, optimizer)
+        step(other, restored)
+    assert torch.equal(network.weight, other.weight)
+    assert json.dumps(about) in json.dumps(read_card(path))
+
+
+def test_half_precision_takes_half_the_space_and_comes_back_in_single(saved):
+    path, network = saved
+    network.register_buffer("steps", torch.tensor(2**40))
+    halved = path.with_name("half.safetensors")
+    card = {"recipe": recipe().resolved()}
+    save_weights(path, network, card)
+    save_weights(halved, network, card, half=True)
+    stored, whole = load_file(halved), load_file(path)
+    assert stored["steps"] == 2**40
+    assert {tensor.dtype for name, tensor in stored.items() if name != "steps"} == {torch.float16}
+    sizes = [sum(tensor.nbytes for name, tensor in some.items() if name != "steps") for some in (stored, whole)]
+    assert 2 * sizes[0] == sizes[1]
+    assert read_card(halved)["sha256"] == tensors_hash(stored)
+    del network.steps
+    save_weights(halved, network, card, half=True)
+    loaded = load_weights(halved, load_plugins())[0]
+    for name, tensor in loaded.state_dict().items():
+        assert tensor.dtype == network.state_dict()[name].dtype
+        if tensor.is_floating_point():
+            torch.testing.assert_close(tensor, network.state_dict()[name], rtol=2**-11, atol=2**-24)
+            assert torch.equal(tensor, network.state_dict()[name].half().float())
+    assert {parameter.dtype for parameter in loaded.parameters()} == {torch.float32}
+
+
+def test_the_network_itself_stays_as_it_was_when_its_weights_are_halved(saved):
+    path, network = saved
+    before = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+    save_weights(path, network, {}, half=True)
+    assert all(torch.equal(before[name], tensor) for name, tensor in network.state_dict().items())
+
+
+def test_a_weight_too_large_for_half_precision_is_named_and_nothing_is_written(saved):
+    path, network = saved
+    before, name = path.read_bytes(), next(name for name, _ in network.named_parameters())
+    with torch.no_grad():
+        network.get_parameter(name).view(-1)[0] = -1e5
+    with pytest.raises(UserError, match=rf"'{re.escape(name)}' reach 1e\+05, and half precision ends at 65504: store"):
+        save_weights(path, network, {}, half=True)
+    assert path.read_bytes() == before
