@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 class Trait(StrEnum):
     """What a part claims about itself. The conformance tests hold it to its claims."""
 
-    POINT_ORDER_FREE = "point-order-free"
+    PERMUTATION_EQUIVARIANT = "permutation-equivariant"
     """Permuting the input's points permutes the output alike (or, for an upsampler, leaves the set as it was)."""
-    TOUCH_ORDER_FREE = "touch-order-free"
+    TOUCH_PERMUTATION_INVARIANT = "touch-permutation-invariant"
     """The order of the touches does not matter."""
     ANY_RATE = "any-rate"
     """One instance serves every rate, not only the one it was built for."""

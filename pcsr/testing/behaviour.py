@@ -177,8 +177,8 @@ def _any_rate(subject: Subject, module: Any) -> tuple[bool, str]:
 
 
 TRIALS: dict[Trait, Callable[[Subject, Any], tuple[bool, str]]] = {
-    Trait.POINT_ORDER_FREE: _point_order,
-    Trait.TOUCH_ORDER_FREE: _touch_order,
+    Trait.PERMUTATION_EQUIVARIANT: _point_order,
+    Trait.TOUCH_PERMUTATION_INVARIANT: _touch_order,
     Trait.ANY_RATE: _any_rate,
 }
 

@@ -131,10 +131,10 @@ def _names(traits: Any) -> str:
 
 
 TRAITS: dict[str, frozenset[Trait]] = {
-    "encoder": frozenset({Trait.POINT_ORDER_FREE}),
-    "fusion": frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE}),
-    "backbone": frozenset({Trait.POINT_ORDER_FREE}),
-    "upsampler": frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE}),
+    "encoder": frozenset({Trait.PERMUTATION_EQUIVARIANT}),
+    "fusion": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}),
+    "backbone": frozenset({Trait.PERMUTATION_EQUIVARIANT}),
+    "upsampler": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE}),
     "objective": frozenset(),
     "touch": frozenset(),
     "shapes": frozenset(),

@@ -33,7 +33,7 @@ def test_it_lists_every_part_with_owner_version_and_traits():
     result = invoke()
     assert result.exit_code == 0
     table = rows(result.output)
-    assert ["encoder", "mlp", "pcsr", "0.1.0", "point-order-free"] in table
+    assert ["encoder", "mlp", "pcsr", "0.1.0", "permutation-equivariant"] in table
     assert [kind for kind in KINDS if kind in {row[0] for row in table}] == list(KINDS)
 
 

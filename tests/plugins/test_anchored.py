@@ -55,7 +55,7 @@ def slowly(fusion, points, features, touches):
 
 
 def test_it_claims_what_the_host_acts_on():
-    assert Anchored.traits == {Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE}
+    assert Anchored.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
     assert Anchored.anchors
     assert Anchored.hears_features
     assert not Fusion.anchors

@@ -81,7 +81,7 @@ def test_the_backbone_follows_a_permutation():
     backbone = DenseEdgeConvs(Widths(visual=8), neighbours=5).double()
     points, features = torch.randn(2, 20, 3).double(), torch.randn(2, 20, 8).double()
     shuffled = torch.randperm(20)
-    assert Trait.POINT_ORDER_FREE in backbone.traits
+    assert Trait.PERMUTATION_EQUIVARIANT in backbone.traits
     refined = backbone(points, features)
     torch.testing.assert_close(backbone(points[:, shuffled], features[:, shuffled]), refined[:, shuffled])
 

@@ -235,7 +235,7 @@ def test_channels_are_those_asked_for_and_traits_as_claimed():
     encoder, backbone = FrameEncoder(Widths(), channels=24), FrameBackbone(Widths(visual=24))
     assert encoder(curved().float()).shape == (2, 60, 24)
     assert encoder.channels == backbone.channels == 24
-    assert encoder.traits == backbone.traits == {Trait.POINT_ORDER_FREE}
+    assert encoder.traits == backbone.traits == {Trait.PERMUTATION_EQUIVARIANT}
 
 
 def test_a_single_point_has_no_neighbourhood():

@@ -269,7 +269,7 @@ def test_where_a_cloud_is_does_not_matter_to_the_convolutions_but_to_the_encoder
 @pytest.mark.parametrize("rate", [1, 2, 4, 16])
 def test_one_instance_serves_every_rate_and_starts_at_the_midpoints(rate):
     network, points = lively(small()).eval(), torch.randn(2, 20, 3)
-    assert {Trait.ANY_RATE, Trait.POINT_ORDER_FREE} <= network.upsampler.traits
+    assert {Trait.ANY_RATE, Trait.PERMUTATION_EQUIVARIANT} <= network.upsampler.traits
     start = network.upsampler.prepare(points, rate)
     ordered = along(hilbert_order(points), points)
     passes = 2 if rate == 16 else 1

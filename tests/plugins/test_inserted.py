@@ -31,7 +31,7 @@ def rows_of(cloud):
 
 def test_it_claims_what_the_host_acts_on_and_has_no_weights():
     fusion = Inserted(WIDTHS)
-    assert Inserted.traits == {Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE}
+    assert Inserted.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
     assert Inserted.anchors
     assert not NoFusion.anchors
     assert not Inserted.hears_features

@@ -104,7 +104,7 @@ def test_one_instance_serves_every_rate():
 @pytest.mark.parametrize("training", [False, True])
 def test_the_order_of_the_points_does_not_matter(training):
     part, points, features, shuffled = trained(), torch.randn(2, 30, 3), torch.randn(2, 30, 6), torch.randperm(30)
-    assert Trait.POINT_ORDER_FREE in part.train(training).traits
+    assert Trait.PERMUTATION_EQUIVARIANT in part.train(training).traits
     close(part(points[:, shuffled], features[:, shuffled], 4), part(points, features, 4))
 
 

@@ -55,14 +55,14 @@ def test_unet_takes_any_number_of_points(n, order):
 @pytest.mark.parametrize("n", [31, 32])
 def test_unet_along_the_curve_follows_a_permutation(n):
     unet, points, shuffled = UNet(Widths(), channels=8), torch.randn(2, n, 3), torch.randperm(n)
-    assert Trait.POINT_ORDER_FREE in unet.traits
+    assert Trait.PERMUTATION_EQUIVARIANT in unet.traits
     close(unet(points[:, shuffled]), unet(points)[:, shuffled])
 
 
 def test_unet_in_file_order_does_not_and_says_so():
     unet, points, shuffled = UNet(Widths(), channels=8, order="file"), torch.randn(2, 31, 3), torch.randperm(31)
-    assert Trait.POINT_ORDER_FREE not in unet.traits
-    assert Trait.POINT_ORDER_FREE in UNet.traits
+    assert Trait.PERMUTATION_EQUIVARIANT not in unet.traits
+    assert Trait.PERMUTATION_EQUIVARIANT in UNet.traits
     assert (unet(points[:, shuffled]) - unet(points)[:, shuffled]).abs().max() > 1e-3
 
 

@@ -140,7 +140,9 @@ def test_each_level_has_as_many_points_as_it_says(rate, step, counts):
 @torch.no_grad()
 def test_mpu_follows_a_permutation():
     network, points, shuffled = mpu(4, neighbours=5).double(), torch.rand(2, 20, 3).double(), torch.randperm(20)
-    assert all(Trait.POINT_ORDER_FREE in part.traits for part in (network.encoder, network.backbone, network.upsampler))
+    assert all(
+        Trait.PERMUTATION_EQUIVARIANT in part.traits for part in (network.encoder, network.backbone, network.upsampler)
+    )
     dense, other = network(points, 4), network(points[:, shuffled], 4)
     close(other.view(2, 20, 4, 3), dense.view(2, 20, 4, 3)[:, shuffled], 1e-9)
 

@@ -144,7 +144,7 @@ def test_node_shuffle_knows_only_the_graph_of_the_points_not_where_they_are():
 @torch.no_grad()
 def test_each_part_follows_a_permutation():
     net, points, shuffled = small(), torch.randn(2, 31, 3), torch.randperm(31)
-    assert all(Trait.POINT_ORDER_FREE in part.traits for part in (net.encoder, net.backbone, net.upsampler))
+    assert all(Trait.PERMUTATION_EQUIVARIANT in part.traits for part in (net.encoder, net.backbone, net.upsampler))
     features = net.encoder(points)
     close(net.encoder(points[:, shuffled]), features[:, shuffled])
     refined = net.backbone(points, features)

@@ -150,7 +150,7 @@ def test_pu_net_takes_any_number_of_points(n):
 @torch.no_grad()
 def test_pu_net_follows_a_permutation():
     network, points, shuffled = pu_net(), torch.rand(2, 60, 3), torch.randperm(60)
-    assert all(Trait.POINT_ORDER_FREE in part.traits for part in (network.encoder, network.backbone))
+    assert all(Trait.PERMUTATION_EQUIVARIANT in part.traits for part in (network.encoder, network.backbone))
     dense, other = network(points, 4), network(points[:, shuffled], 4)
     close(other.view(2, 4, 60, 3), dense.view(2, 4, 60, 3)[:, :, shuffled])
 

@@ -75,11 +75,11 @@ class VersionZero(Lift):
 
 
 class TouchesOfAnEncoder(Lift):
-    traits = frozenset({Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.TOUCH_PERMUTATION_INVARIANT})
 
 
 class TupleOfTraits(Lift):
-    traits = (Trait.POINT_ORDER_FREE,)
+    traits = (Trait.PERMUTATION_EQUIVARIANT,)
 
 
 class StandsStill(Squares):
@@ -104,7 +104,7 @@ BROKEN = [
     ("builds", RefusesEverything, "refuses to be built: encoder 'refuses' likes no widths"),
     ("builds", Trips, r"ZeroDivisionError: 1 / 0 \(at .*broken_construction.py:\d+\)"),
     ("builds", NoModuleYet, r"super\(\).__init__"),
-    ("builds", ClaimsMore, "an instance claims point-order-free, which its class does not"),
+    ("builds", ClaimsMore, "an instance claims permutation-equivariant, which its class does not"),
     ("options", Untyped, "option 'channels' of Untyped has no type"),
     ("options", Unsayable, "options cannot be read"),
     ("options", Positional, r"takes \['widths', 'channels'\] by position"),
@@ -112,7 +112,7 @@ BROKEN = [
     ("options", WrongDefault, "defaults are {'channels': 6.5}, which fail"),
     ("options", StrangePlaces, r"`places` names \['folder'\]"),
     ("options", VersionZero, "`version` is 0"),
-    ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of point-order-free"),
+    ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of permutation-equivariant"),
     ("options", TupleOfTraits, "its class claims"),
     ("options", StandsStill, "`pace` is 0.0"),
     ("unknown-options", Swallows, r"takes an option that nobody knows.*\*\*kwargs"),

@@ -277,7 +277,7 @@ class ChannelsFirstStage(Copy):
 
 
 class ClaimsAnyRate(Copy):
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
 
 class AlwaysItsOwnRate(Copy):
@@ -320,8 +320,12 @@ BROKEN = [
     ("weights", RandomWidth, "an instance of another seed does not take its weights"),
     ("export", ExportsOtherwise, "for a batch of 1 its exported graph is .* off"),
     ("export", RowByRow, "takes batches of one size alone"),
-    ("trait-point-order-free", InFileOrder, "claims 'point-order-free', but with its points in another order"),
-    ("trait-point-order-free", SetInFileOrder, "claims 'point-order-free', but with its points in another order"),
+    ("trait-point-order-free", InFileOrder, "claims 'permutation-equivariant', but with its points in another order"),
+    (
+        "trait-point-order-free",
+        SetInFileOrder,
+        "claims 'permutation-equivariant', but with its points in another order",
+    ),
     ("zero-touches", JoinsWhatIsMissing, "with 2 missing touches its `join`"),
     ("zero-touches", RemembersTouches, "with no touch its `join` turns a cloud of 128 points into another, of 176"),
     ("zero-touches", SumsOfTouches, "ZeroDivisionError"),
@@ -332,7 +336,11 @@ BROKEN = [
     ("hears", Deaf, "other touches change nothing"),
     ("hears", HearsNothing, "hears no features, joins no points and has no anchors"),
     ("hears", ForgetsTheCloud, "points of the cloud are not in it"),
-    ("trait-touch-order-free", FirstTouchFirst, "claims 'touch-order-free', but with its touches in another order"),
+    (
+        "trait-touch-order-free",
+        FirstTouchFirst,
+        "claims 'touch-permutation-invariant', but with its touches in another order",
+    ),
     ("stages", AnotherLastStage, "last stage is .* off the result of `forward`"),
     ("stages", ResultFirst, r"stages have \[1024, 512\] points"),
     ("stages", NoList, "its `stages` gives Tensor"),

@@ -21,7 +21,7 @@ from pcsr import (
 
 
 class Lift(Encoder):
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths, *, channels: int = 6) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class Lift(Encoder):
 
 
 class Attend(Fusion):
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
 
     def __init__(self, widths) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class Attend(Fusion):
 class Join(Fusion):
     """Joins the touches to the cloud, whatever their number in each row: missing ones are copies of a point."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
     hears_features = False
 
     def __init__(self, widths) -> None:
@@ -65,7 +65,7 @@ class Join(Fusion):
 
 
 class Refine(Backbone):
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths, *, channels: int = 7) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class Refine(Backbone):
 
 
 class Copy(Upsampler):
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths) -> None:
         super().__init__()

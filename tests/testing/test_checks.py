@@ -64,9 +64,9 @@ def test_a_check_that_says_nothing_of_a_part_says_why(name, part, said):
 
 def test_a_trait_that_holds_and_is_not_claimed_is_reported():
     class Modest(Attend):
-        traits = frozenset({Trait.POINT_ORDER_FREE})
+        traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
-    with pytest.raises(Skipped, match="does not claim 'touch-order-free', though it held here: claim it"):
+    with pytest.raises(Skipped, match="does not claim 'touch-permutation-invariant', though it held here: claim it"):
         run("trait-touch-order-free", Modest)
 
 

@@ -27,7 +27,7 @@ APART = 1e9
 class Attention(Fusion):
     """Residual, and at first nothing is added: training starts from the visual network."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
 
     def __init__(
         self, widths: Widths, *, neighbours: int = 16, heads: int = 4, channels: int = 16, hidden: int = 32

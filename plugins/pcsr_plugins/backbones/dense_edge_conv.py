@@ -23,7 +23,7 @@ class DenseEdgeConvs(Backbone):
     The coordinates come in through the features alone: each block looks for its neighbours among those.
     """
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ from pcsr_plugins.layers.options import Layers, NeighbourCount
 class FrameBackbone(Backbone):
     """f ← f + MLP(FrameConv(Norm(f))), again and again, on one graph."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, layers: Layers = 4, neighbours: NeighbourCount = 16) -> None:
         super().__init__()

@@ -25,7 +25,7 @@ Ways = Float[Tensor, "b n k 3"]
 class GradPU(Backbone):
     """Three dense blocks of three layers each."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

@@ -31,7 +31,7 @@ LAYERS = 3
 class PUGCN(Backbone):
     """Blocks in a row; the mean of what they give."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

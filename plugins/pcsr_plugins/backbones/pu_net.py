@@ -29,7 +29,7 @@ from pcsr_plugins.layers.set_abstraction import SetAbstraction
 class PUNet(Backbone):
     """Levels of ever fewer points, each carried back to all of them."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

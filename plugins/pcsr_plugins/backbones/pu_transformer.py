@@ -28,7 +28,7 @@ Refined = Float[torch.Tensor, "b n refined"]
 class PUTransformer(Backbone):
     """Five encoders in a row; each sees the raw coordinates again."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

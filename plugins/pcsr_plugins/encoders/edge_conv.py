@@ -14,7 +14,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 class EdgeConv(Encoder):
     """Each point and the ways to its neighbours."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, channels: Channels = 32, neighbours: NeighbourCount = 20) -> None:
         super().__init__()

@@ -12,7 +12,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 class FrameEncoder(Encoder):
     """One convolution, of nothing but the frames."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, channels: Channels = 64, neighbours: NeighbourCount = 16) -> None:
         super().__init__()

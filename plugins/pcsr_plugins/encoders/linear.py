@@ -15,7 +15,7 @@ from pcsr_plugins.layers.options import Channels
 class Linear(Encoder):
     """Each point for itself."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, channels: Channels = 24) -> None:
         super().__init__()

@@ -18,7 +18,7 @@ from pcsr_plugins.layers.options import Channels
 class Mlp(Encoder):
     """Each point for itself."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, channels: Channels = 16, norm: Literal["none", "batch"] = "none") -> None:
         super().__init__()

@@ -14,7 +14,7 @@ from pcsr_plugins.layers.set_abstraction import SetAbstraction
 class BallEncoder(Encoder):
     """Each point sees what lies around it."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self, widths: Widths, *, channels: Cascade = (32, 32, 64), radius: Positive = 0.05, samples: Count = 32

@@ -24,7 +24,7 @@ from pcsr_plugins.layers.options import HalvedChannels
 class UNet(Encoder):
     """Two max-pools down, two deconvolutions up, skips between stages of one size."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self, widths: Widths, *, channels: HalvedChannels = 128, order: Literal["hilbert", "file"] = "hilbert"

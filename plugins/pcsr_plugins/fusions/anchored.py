@@ -30,7 +30,7 @@ APART = 1e4
 class Anchored(Fusion):
     """Residual, and at first nothing is added: training starts from the visual network."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
     anchors: ClassVar[bool] = True
 
     def __init__(

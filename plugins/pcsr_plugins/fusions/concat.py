@@ -19,7 +19,7 @@ from pcsr_plugins.fusions.pairing import pair
 class Concat(Fusion):
     """All touches side by side, in the order given."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, touches: Annotated[int, Field(ge=1, le=16)] = 5) -> None:
         super().__init__()

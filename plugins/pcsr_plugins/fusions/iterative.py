@@ -26,7 +26,7 @@ from pcsr_plugins.fusions.pairing import met
 class Iterative(Fusion):
     """Folds one touch after the other into the features, always reminded of the purely visual ones."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(self, widths: Widths, *, pool: Literal["none", "global"] = "none") -> None:
         super().__init__()

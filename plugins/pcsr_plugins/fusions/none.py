@@ -17,7 +17,7 @@ from pcsr.tensors import Features, Points, TouchMask, TouchPoints
 class NoFusion(Fusion):
     """Leaves the features alone; touch enters as points."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.TOUCH_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
     hears_features: ClassVar[bool] = False
 
     def __init__(self, widths: Widths) -> None:

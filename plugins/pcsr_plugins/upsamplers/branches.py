@@ -20,7 +20,7 @@ from pcsr_plugins.layers.options import Channels
 class Branches(Upsampler):
     """`rate` branches, laid end to end along the points."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

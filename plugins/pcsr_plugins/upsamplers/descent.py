@@ -37,7 +37,7 @@ BEFORE = 0.02
 class Descent(Upsampler):
     """Interpolates, then goes downhill."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ HIDDEN = (256, 64)
 class DisPU(Upsampler):
     """Both clouds come out of `stages`; the result is the refined one."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
     grid: Tensor
 
     def __init__(

@@ -30,7 +30,7 @@ FARTHEST = 0.45
 class Fan(Upsampler):
     """Moves each place by what an MLP makes of the edge that it lies on, in units of the spacing there."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
     at_once: ClassVar[int | None] = 8
 
     def __init__(

@@ -34,7 +34,7 @@ TWICE = 16
 class Midpoint(Upsampler):
     """Moves interpolated places, in units of the spacing of the points around them."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
     def __init__(self, widths: Widths, *, hidden: Channels = 64) -> None:
         super().__init__()

@@ -20,7 +20,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 class NodeShuffle(Upsampler):
     """Widens each point's channels by its neighbours, then cuts them into r pieces: one for each new point."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

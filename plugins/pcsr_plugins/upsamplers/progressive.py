@@ -40,7 +40,7 @@ Rows = Float[Tensor, "b q c"]
 class Progressive(Upsampler):
     """As many levels as lead to the rate in steps of `step`."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ FARTHEST = 0.4
 class Shuffle(Upsampler):
     """Cuts each point's channels into r pieces: one for each new point."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self, widths: Widths, *, hidden: Channels = 64, start: Literal["origin", "point", "neighbours"] = "origin"

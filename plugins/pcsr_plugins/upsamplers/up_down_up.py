@@ -31,7 +31,7 @@ HIDDEN = 64
 class UpDownUp(Upsampler):
     """The lines of the module's docstring; `surplus` is how many more copies of a point are made than wanted."""
 
-    traits = frozenset({Trait.POINT_ORDER_FREE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
         self, widths: Widths, *, channels: QuarteredChannels = 128, surplus: Annotated[int, Field(ge=0, le=16)] = 2
