@@ -140,7 +140,7 @@ class Backbone(nn.Module, Part):
 class Upsampler(nn.Module, Part):
     """Features to `rate` times as many points."""
 
-    at_once: ClassVar[int | None] = None
+    max_rate_per_pass: ClassVar[int | None] = None
     """The greatest rate that is made in one pass, in use: a greater one is made of what was made. None: any is."""
 
     def prepare(self, points: Points, rate: int) -> Dense:

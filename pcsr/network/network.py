@@ -54,8 +54,12 @@ class Network(nn.Module):
             (b rate·n 3), in the same frame. In training there may be more: touched points, and what was made of
             them, are not thinned.
         """
-        at_once = self.upsampler.at_once
-        first = 1 if self.training or at_once is None or rate <= at_once else _first(rate, at_once)
+        max_rate_per_pass = self.upsampler.max_rate_per_pass
+        first = (
+            1
+            if self.training or max_rate_per_pass is None or rate <= max_rate_per_pass
+            else _first(rate, max_rate_per_pass)
+        )
         if first == 1:
             return self.stages(points, rate, touches, mask)[-1]
         cloud = self.stages(points, first, touches, mask)[-1]
@@ -157,10 +161,10 @@ def encode(touch_encoder: Encoder | None, touches: TouchPoints) -> TouchFeatures
     return features.view(*touches.shape[:2], *features.shape[1:])
 
 
-def _first(rate: int, at_once: int) -> int:
+def _first(rate: int, max_rate_per_pass: int) -> int:
     """The rate of the first of two passes: near the root, neither being too much. 1: it can't be shared."""
     divisors = [d for d in range(1, rate + 1) if rate % d == 0]
-    return min(divisors, key=lambda d: (max(d, rate // d) > at_once, abs(d - rate**0.5), -d))
+    return min(divisors, key=lambda d: (max(d, rate // d) > max_rate_per_pass, abs(d - rate**0.5), -d))
 
 
 def _some(dense: Dense, count: int) -> Float[Tensor, "b some 3"]:

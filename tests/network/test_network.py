@@ -358,7 +358,7 @@ def test_two_passes_share_a_rate_near_its_root(rate, first):
 def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(clouds):
     points, touches = clouds
     net = network("model.fusion=inserted", "model.touch_encoder=null", "model.upsampler=fan")
-    assert net.upsampler.at_once == 8
+    assert net.upsampler.max_rate_per_pass == 8
     assert torch.equal(net(points, 16), net(net(points, 4), 4))
     assert torch.equal(net(points, 8), net.stages(points, 8)[-1])
     dense = net(points, 16, touches)

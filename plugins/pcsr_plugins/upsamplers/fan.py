@@ -31,7 +31,7 @@ class Fan(Upsampler):
     """Moves each place by what an MLP makes of the edge that it lies on, in units of the spacing there."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
-    at_once: ClassVar[int | None] = 8
+    max_rate_per_pass: ClassVar[int | None] = 8
 
     def __init__(
         self,
