@@ -189,7 +189,7 @@ class Upsampling(Protocol):
 class Objective(nn.Module, Part):
     """What training minimises. It may own networks of its own, such as a discriminator."""
 
-    pace: ClassVar[float] = 1.0
+    lr_multiplier: ClassVar[float] = 1.0
     """The learning rate of its own weights, as a multiple of the network's."""
 
     def forward(

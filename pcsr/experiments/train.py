@@ -191,7 +191,7 @@ def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
 def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
     """One step of all processes together; the losses are those of the whole batch."""
     for group in optimizer.param_groups:
-        group["lr"] = rate * group["pace"]
+        group["lr"] = rate * group["lr_multiplier"]
     clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.truth, batch.touches, batch.mask))
     losses = model(*clouds, upsampling)
     optimizer.zero_grad()
@@ -228,9 +228,9 @@ def validate(network: Network, split: Split, recipe: Recipe) -> float:
 
 def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-    groups = [{"params": list(model.network.parameters()), "pace": 1.0}]
+    groups = [{"params": list(model.network.parameters()), "lr_multiplier": 1.0}]
     if own := list(model.objective.parameters()):
-        groups.append({"params": own, "pace": model.objective.pace})
+        groups.append({"params": own, "lr_multiplier": model.objective.lr_multiplier})
     optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.rate)
     return optimizer
 

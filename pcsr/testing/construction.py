@@ -58,8 +58,8 @@ def options(subject: Subject) -> None:
     if not isinstance(part.version, int) or part.version < 1:
         raise subject.failure(f"`version` is {part.version!r}", "a whole number from 1 on", "count up from 1")
     _traits(subject, "its class", part.traits)
-    if issubclass(part, Objective) and not part.pace > 0:
-        raise subject.failure(f"`pace` is {part.pace!r}", "a factor above 0", "leave it at 1.0")
+    if issubclass(part, Objective) and not part.lr_multiplier > 0:
+        raise subject.failure(f"`lr_multiplier` is {part.lr_multiplier!r}", "a factor above 0", "leave it at 1.0")
 
 
 def unknown_options(subject: Subject) -> None:

@@ -247,7 +247,7 @@ def test_gradient_reaches_every_weight():
 
 def test_a_few_steps_bring_the_clouds_nearer_and_teach_the_discriminator():
     net, objective = network(neighbours=8), PuGan()
-    groups = [{"params": net.parameters()}, {"params": objective.parameters(), "lr": 1e-3 * objective.pace}]
+    groups = [{"params": net.parameters()}, {"params": objective.parameters(), "lr": 1e-3 * objective.lr_multiplier}]
     adam = torch.optim.Adam(groups, lr=1e-3)
     points = torch.stack([sphere(32), 0.5 * sphere(32)])
     true = torch.stack([sphere(128), 0.5 * sphere(128)])

@@ -83,7 +83,7 @@ class TupleOfTraits(Lift):
 
 
 class StandsStill(Squares):
-    pace = 0.0
+    lr_multiplier = 0.0
 
 
 class Swallows(Lift):
@@ -114,7 +114,7 @@ BROKEN = [
     ("options", VersionZero, "`version` is 0"),
     ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of permutation-equivariant"),
     ("options", TupleOfTraits, "its class claims"),
-    ("options", StandsStill, "`pace` is 0.0"),
+    ("options", StandsStill, "`lr_multiplier` is 0.0"),
     ("unknown-options", Swallows, r"takes an option that nobody knows.*\*\*kwargs"),
     ("unknown-options", MeetsItLater, "meets an unknown option with KeyError"),
 ]

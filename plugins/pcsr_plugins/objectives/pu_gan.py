@@ -39,7 +39,7 @@ TINY = 1e-8
 class PuGan(Objective):
     """Trains a network and its discriminator in one step; `fidelity: chamfer` for clouds too large to be matched."""
 
-    pace: ClassVar[float] = 0.1
+    lr_multiplier: ClassVar[float] = 0.1
     needs = frozenset({"ot"})
 
     def __init__(
