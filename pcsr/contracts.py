@@ -112,7 +112,7 @@ class Fusion(nn.Module, Part):
     Without any touch the host does not call it: the visual features go on as they are.
     """
 
-    hears_features: ClassVar[bool] = True
+    uses_touch_features: ClassVar[bool] = True
     """False where the fusion ignores touch features, so that no touch encoder is needed."""
     anchors: ClassVar[bool] = False
     """True where touched points are part of the dense cloud, in the place of what the network made around them."""

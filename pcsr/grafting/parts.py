@@ -33,7 +33,7 @@ def build_parts(
         encoder, encoder_spec = build_part("encoder", touch_encoder, Widths(), registry)
     widths = Widths(visual=width, touch=encoder.channels if encoder else 3)
     built, fusion_spec = build_part("fusion", fusion, widths, registry)
-    if not built.hears_features or type(built).join is not Fusion.join:
+    if not built.uses_touch_features or type(built).join is not Fusion.join:
         raise UserError(
             f"fusion '{fusion_spec['use'] if isinstance(fusion_spec, dict) else type(built).__name__}' joins touched "
             f"points to the cloud, and a graft cannot tell which outputs of the network to thin afterwards: take a "

@@ -113,7 +113,7 @@ class Network(nn.Module):
             mask = _all(touches)
         cloud = points if touches is None or mask is None else self.fusion.join(points, touches, mask)
         features = self.encoder(cloud)
-        if touches is not None and mask is not None and self.fusion.hears_features:
+        if touches is not None and mask is not None and self.fusion.uses_touch_features:
             features = fuse(self.fusion, self.touch_encoder, cloud, features, touches, mask)
         return cloud, self.backbone(cloud, features)
 
@@ -238,7 +238,7 @@ def build(recipe: Recipe, registry: Registry) -> Network:
             rate=recipe.network_rate,
         )
         fusion = parts.fusion.build(registry, "fusion", widths)
-        if touch_encoder is not None and not fusion.hears_features:
+        if touch_encoder is not None and not fusion.uses_touch_features:
             raise UserError(
                 f"fusion '{parts.fusion.use}' hears no touch features, so model.touch_encoder would never be used: "
                 f"remove it"

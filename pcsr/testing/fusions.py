@@ -33,7 +33,7 @@ def zero_touches(subject: Subject) -> None:
                 "the cloud as it is",
                 "join the touches where `mask` is True, and nothing else",
             )
-    if not module.hears_features:
+    if not module.uses_touch_features:
         return
     tensors = single(given(module, subject.widths))
     for count, felt in ((1, 1), (TOUCHES, 1), (1, FELT)):
@@ -54,7 +54,7 @@ def missing_touches(subject: Subject) -> None:
     tensors = given(module, subject.widths)
     mask = tensors["mask"].clone()
     # Rows of unequal numbers cannot be joined to their clouds in one batch.
-    lacking = slice(None) if not module.hears_features else slice(1, 2)
+    lacking = slice(None) if not module.uses_touch_features else slice(1, 2)
     mask[lacking, 1:] = False
     tensors["mask"] = mask
     moved = {
@@ -84,13 +84,13 @@ def hears(subject: Subject) -> None:
     """Touch makes a difference: other touches give something else."""
     module: Any = subject.lively()
     joins = type(module).join is not Fusion.join
-    if not (module.hears_features or joins or module.anchors):
+    if not (module.uses_touch_features or joins or module.anchors):
         raise subject.failure(
             "it hears no features, joins no points and has no anchors, so touch never enters",
             "one of the three",
-            "set hears_features or anchors = True, or override `join`",
+            "set uses_touch_features or anchors = True, or override `join`",
         )
-    if module.anchors and not module.hears_features:
+    if module.anchors and not module.uses_touch_features:
         raise Skipped(f"by {subject} touch enters as points of the result, which the host puts there")
     tensors = given(module, subject.widths)
     other = {name: tensor.flip(0) if "touch" in name else tensor for name, tensor in tensors.items()}

@@ -52,21 +52,21 @@ def takes(module: nn.Module) -> tuple[str, ...]:
     if isinstance(module, Encoder):
         return ("points",)
     if isinstance(module, Fusion):
-        heard = ("features", "touch_features") if module.hears_features else ()
+        heard = ("features", "touch_features") if module.uses_touch_features else ()
         return ("points", "touches", "mask", *heard)
     return ("points", "features")
 
 
 def learns_from(module: nn.Module) -> tuple[str, ...]:
     """Of these, what gradients must reach: whatever learned parts made."""
-    if isinstance(module, Fusion) and not module.hears_features:
+    if isinstance(module, Fusion) and not module.uses_touch_features:
         return ("touches",)
     return tuple(name for name in takes(module) if name.endswith("features"))
 
 
 def is_set(module: nn.Module) -> bool:
     """Whether the order of the points that it gives means nothing."""
-    return isinstance(module, Upsampler) or (isinstance(module, Fusion) and not module.hears_features)
+    return isinstance(module, Upsampler) or (isinstance(module, Fusion) and not module.uses_touch_features)
 
 
 def call(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> Tensor:
@@ -74,7 +74,7 @@ def call(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> Tensor:
     made: Any
     if isinstance(module, Encoder):
         made = module(tensors["points"])
-    elif isinstance(module, Fusion) and module.hears_features:
+    elif isinstance(module, Fusion) and module.uses_touch_features:
         touches = Touches(tensors["touches"], tensors["touch_features"], tensors["mask"])
         made = module(tensors["points"], tensors["features"], touches)
     elif isinstance(module, Fusion):

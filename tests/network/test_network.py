@@ -194,7 +194,7 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
     for felt in (None, touches[:, :0], touches):
         assert net(points, RATE, felt).shape == (4, COUNT, 3)
         assert net.stages(points, RATE, felt)[-1].shape == (4, COUNT, 3)
-    if net.fusion.hears_features:  # a fusion that joins touches wants as many in each row
+    if net.fusion.uses_touch_features:  # a fusion that joins touches wants as many in each row
         assert net(points, RATE, touches, mask).shape == (4, COUNT, 3)
 
 

@@ -57,7 +57,7 @@ def slowly(fusion, points, features, touches):
 def test_it_claims_what_the_host_acts_on():
     assert Anchored.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
     assert Anchored.anchors
-    assert Anchored.hears_features
+    assert Anchored.uses_touch_features
     assert not Fusion.anchors
 
 

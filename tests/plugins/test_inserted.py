@@ -34,7 +34,7 @@ def test_it_claims_what_the_host_acts_on_and_has_no_weights():
     assert Inserted.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
     assert Inserted.anchors
     assert not NoFusion.anchors
-    assert not Inserted.hears_features
+    assert not Inserted.uses_touch_features
     assert not list(fusion.parameters())
     points, touches = given_clouds()
     features = torch.randn(2, N, 6)

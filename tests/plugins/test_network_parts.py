@@ -163,7 +163,7 @@ def test_none_joins_the_raw_points_and_leaves_features_alone():
     assert torch.equal(joined[0], torch.cat([points[0], touches.points[0, 0], touches.points[0, 2]]))
     assert torch.equal(joined[1], torch.cat([points[1], touches.points[1, 1], touches.points[1, 2]]))
     assert torch.equal(fusion(points, features, touches), features)
-    assert not fusion.hears_features
+    assert not fusion.uses_touch_features
 
 
 def test_none_refuses_rows_of_unequal_counts():

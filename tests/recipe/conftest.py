@@ -38,7 +38,7 @@ class Blend(Fusion):
 
 
 class Deaf(Fusion):
-    hears_features = False
+    uses_touch_features = False
 
     def __init__(self, widths: Widths) -> None:
         super().__init__()

@@ -238,7 +238,7 @@ class Deaf(Attend):
 
 
 class HearsNothing(Attend):
-    hears_features = False
+    uses_touch_features = False
 
 
 class ForgetsTheCloud(Join):

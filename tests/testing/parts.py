@@ -49,7 +49,7 @@ class Join(Fusion):
     """Joins the touches to the cloud, whatever their number in each row: missing ones are copies of a point."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
-    hears_features = False
+    uses_touch_features = False
 
     def __init__(self, widths) -> None:
         super().__init__()

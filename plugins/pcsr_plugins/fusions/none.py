@@ -18,7 +18,7 @@ class NoFusion(Fusion):
     """Leaves the features alone; touch enters as points."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
-    hears_features: ClassVar[bool] = False
+    uses_touch_features: ClassVar[bool] = False
 
     def __init__(self, widths: Widths) -> None:
         super().__init__()
