@@ -114,7 +114,7 @@ class Fusion(nn.Module, Part):
 
     uses_touch_features: ClassVar[bool] = True
     """False where the fusion ignores touch features, so that no touch encoder is needed."""
-    anchors: ClassVar[bool] = False
+    keeps_touched_points: ClassVar[bool] = False
     """True where touched points are part of the dense cloud, in the place of what the network made around them."""
 
     def forward(self, points: Points, features: Features, touches: Touches) -> Features:

@@ -91,7 +91,7 @@ class Network(nn.Module):
 
     def _anchors(self, touches: TouchPoints | None, mask: TouchMask | None) -> Felt | None:
         """The touches whose points are part of the result."""
-        if touches is None or not self.fusion.anchors:
+        if touches is None or not self.fusion.keeps_touched_points:
             return None
         return touches, _all(touches) if mask is None else mask
 

@@ -84,13 +84,13 @@ def hears(subject: Subject) -> None:
     """Touch makes a difference: other touches give something else."""
     module: Any = subject.lively()
     joins = type(module).join is not Fusion.join
-    if not (module.uses_touch_features or joins or module.anchors):
+    if not (module.uses_touch_features or joins or module.keeps_touched_points):
         raise subject.failure(
             "it hears no features, joins no points and has no anchors, so touch never enters",
             "one of the three",
-            "set uses_touch_features or anchors = True, or override `join`",
+            "set uses_touch_features or keeps_touched_points = True, or override `join`",
         )
-    if module.anchors and not module.uses_touch_features:
+    if module.keeps_touched_points and not module.uses_touch_features:
         raise Skipped(f"by {subject} touch enters as points of the result, which the host puts there")
     tensors = given(module, subject.widths)
     other = {name: tensor.flip(0) if "touch" in name else tensor for name, tensor in tensors.items()}

@@ -203,7 +203,9 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
     [(ANCHORED, True), (INSERTED, True), ((*NO_FUSION, *FAN), False), ((*FAN, "model.fusion=iterative"), False)],
 )
 @torch.no_grad()
-def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthest_are_kept(clouds, overrides, anchors):
+def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthest_are_kept(
+    clouds, overrides, keeps_touched_points
+):
     points, touches = clouds
     net = network(*overrides)
     for felt in (None, touches):
@@ -212,7 +214,7 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
         assert every.shape[1] > COUNT
         assert torch.equal(every[:, : made.shape[1]], made)
         known = every[:, made.shape[1] :]
-        assert torch.equal(known, touches.flatten(1, 2) if anchors and felt is not None else points[:, :0])
+        assert torch.equal(known, touches.flatten(1, 2) if keeps_touched_points and felt is not None else points[:, :0])
         both = torch.cat([known, made], dim=1)
         for row, kept in zip(both, net(points, RATE, felt), strict=True):
             assert torch.equal(row[torch.from_numpy(even_subset(row.numpy(), COUNT, known.shape[1]))], kept)

@@ -56,9 +56,9 @@ def slowly(fusion, points, features, touches):
 
 def test_it_claims_what_the_host_acts_on():
     assert Anchored.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
-    assert Anchored.anchors
+    assert Anchored.keeps_touched_points
     assert Anchored.uses_touch_features
-    assert not Fusion.anchors
+    assert not Fusion.keeps_touched_points
 
 
 def test_as_it_is_built_it_adds_nothing():

@@ -32,8 +32,8 @@ def rows_of(cloud):
 def test_it_claims_what_the_host_acts_on_and_has_no_weights():
     fusion = Inserted(WIDTHS)
     assert Inserted.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
-    assert Inserted.anchors
-    assert not NoFusion.anchors
+    assert Inserted.keeps_touched_points
+    assert not NoFusion.keeps_touched_points
     assert not Inserted.uses_touch_features
     assert not list(fusion.parameters())
     points, touches = given_clouds()

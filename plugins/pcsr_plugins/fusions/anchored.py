@@ -8,7 +8,7 @@ between two clouds::
     f ← f + W·max over the nearest j of ReLU(A·f + B·tⱼ + C·[wayⱼ, |wayⱼ|])
 
 And since nothing knows the surface better than a touched point, the host puts them in the place of what the network
-made around them (`anchors`).
+made around them (`keeps_touched_points`).
 """
 
 from typing import ClassVar
@@ -31,7 +31,7 @@ class Anchored(Fusion):
     """Residual, and at first nothing is added: training starts from the visual network."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
-    anchors: ClassVar[bool] = True
+    keeps_touched_points: ClassVar[bool] = True
 
     def __init__(
         self, widths: Widths, *, neighbours: NeighbourCount = 12, heard: Count = 64, hidden: Channels = 64

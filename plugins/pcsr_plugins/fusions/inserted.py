@@ -2,7 +2,7 @@
 
 The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
 and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here the host puts the touched
-points in the place of what the network made around them, as densely as the rest (`anchors`); where there is another
+points in the place of what the network made around them, as densely as the rest (`keeps_touched_points`); where there is another
 pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the network
 learns of places where the spacing changes. In use they don't: a cloud that is many times as dense in one place is not
 what neighbourhoods look like elsewhere, and took back most of what the touch had brought.
@@ -24,7 +24,7 @@ from pcsr_plugins.layers.options import Count
 class Inserted(NoFusion):
     """Without weights: what a touched point means follows from where it lies."""
 
-    anchors: ClassVar[bool] = True
+    keeps_touched_points: ClassVar[bool] = True
 
     def __init__(self, widths: Widths, *, points: Count = 48) -> None:
         """Choose how many points of a touch are inserted.
