@@ -89,7 +89,7 @@ class Part:
     """What the part claims; an instance may claim less than its class."""
     version: ClassVar[int] = 1
     """Raise it when the same options come to give something else: data and weights made before are then stale."""
-    places: ClassVar[frozenset[str]] = frozenset()
+    path_options: ClassVar[frozenset[str]] = frozenset()
     """Options that say where files lie, not what is in them: data sets are the same wherever they are built."""
     needs: ClassVar[frozenset[str]] = frozenset()
     """Packages that the part imports only when it works, as Python names them; pcsr looks for them before it begins."""

@@ -100,5 +100,5 @@ def packages(recipe: Recipe, registry: Registry) -> dict[str, str]:
 
 
 def _decisive(spec: PartSpec, part: TouchSource) -> dict[str, Any]:
-    options = {key: value for key, value in spec.options.items() if key not in part.places}
+    options = {key: value for key, value in spec.options.items() if key not in part.path_options}
     return {"use": spec.use, "version": part.version, "options": options}

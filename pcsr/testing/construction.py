@@ -52,9 +52,9 @@ def options(subject: Subject) -> None:
                 "that a recipe can say each of them",
                 "take types that YAML has, and defaults that keep to them",
             ) from error
-    strange = sorted(subject.part.places - model.model_fields.keys())
+    strange = sorted(subject.part.path_options - model.model_fields.keys())
     if strange:
-        raise subject.failure(f"`places` names {strange}", "options of the constructor", "correct the names")
+        raise subject.failure(f"`path_options` names {strange}", "options of the constructor", "correct the names")
     if not isinstance(part.version, int) or part.version < 1:
         raise subject.failure(f"`version` is {part.version!r}", "a whole number from 1 on", "count up from 1")
     _traits(subject, "its class", part.traits)

@@ -67,7 +67,7 @@ class WrongDefault(Lift):
 
 
 class StrangePlaces(Lift):
-    places = frozenset({"folder"})
+    path_options = frozenset({"folder"})
 
 
 class VersionZero(Lift):
@@ -110,7 +110,7 @@ BROKEN = [
     ("options", Positional, r"takes \['widths', 'channels'\] by position"),
     ("options", Widthless, r"takes nothing by position"),
     ("options", WrongDefault, "defaults are {'channels': 6.5}, which fail"),
-    ("options", StrangePlaces, r"`places` names \['folder'\]"),
+    ("options", StrangePlaces, r"`path_options` names \['folder'\]"),
     ("options", VersionZero, "`version` is 0"),
     ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of permutation-equivariant"),
     ("options", TupleOfTraits, "its class claims"),

@@ -25,7 +25,7 @@ class Meshes(Shapes):
     adding or removing files moves no other file. A table may say both instead.
     """
 
-    places = frozenset({"folder", "table"})
+    path_options = frozenset({"folder", "table"})
 
     def __init__(
         self,

@@ -18,7 +18,7 @@ class Recorded(TouchSource):
     Each touch is thinned with a random stream of its own, so that fewer are a prefix of more.
     """
 
-    places = frozenset({"folder"})
+    path_options = frozenset({"folder"})
 
     def __init__(self, *, folder: str, points: Annotated[int, Field(ge=1, le=1 << 20)] = 512) -> None:
         """Look at nothing but whether the folder is there.
