@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         TouchSource,
         Trait,
         Upsampler,
-        Upsampling,
+        UpsamplingNetwork,
         Widths,
     )
     from pcsr.grafting import Grafted, graft
@@ -54,7 +54,7 @@ _HOMES = {
             "Touches",
             "Trait",
             "Upsampler",
-            "Upsampling",
+            "UpsamplingNetwork",
             "Widths",
         ),
         "pcsr.contracts",
@@ -79,7 +79,7 @@ __all__ = [
     "Touches",
     "Trait",
     "Upsampler",
-    "Upsampling",
+    "UpsamplingNetwork",
     "UserError",
     "Widths",
     "__version__",

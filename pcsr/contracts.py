@@ -165,7 +165,7 @@ class Upsampler(nn.Module, Part):
 
 
 @runtime_checkable
-class Upsampling(Protocol):
+class UpsamplingNetwork(Protocol):
     """A whole network, as an objective sees it."""
 
     upsampler: Upsampler
@@ -200,7 +200,7 @@ class Objective(nn.Module, Part):
 
     def losses(
         self,
-        network: Upsampling,
+        network: UpsamplingNetwork,
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from pydantic import Field
 from torch import Tensor
 
-from pcsr import Objective, Upsampling
+from pcsr import Objective, UpsamplingNetwork
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points, TouchMask, TouchPoints
 from pcsr_plugins.layers.options import Weight
@@ -56,7 +56,7 @@ class DisPU(Objective):
 
     def losses(
         self,
-        network: Upsampling,
+        network: UpsamplingNetwork,
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pydantic import Field
 from torch import Tensor
 
-from pcsr import Objective, Upsampling, UserError
+from pcsr import Objective, UpsamplingNetwork, UserError
 from pcsr.geometry.neighbours import gather
 from pcsr.metrics.nearest import nearest
 from pcsr.tensors import Dense, Points, TouchMask, TouchPoints
@@ -33,7 +33,7 @@ class GradPU(Objective):
 
     def losses(
         self,
-        network: Upsampling,
+        network: UpsamplingNetwork,
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,

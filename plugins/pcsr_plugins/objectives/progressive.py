@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr import Objective
-from pcsr.contracts import Upsampling
+from pcsr.contracts import UpsamplingNetwork
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points, TouchMask, TouchPoints
 from pcsr_plugins.layers.farthest import farthest
@@ -28,7 +28,7 @@ class ProgressiveChamfer(Objective):
 
     def losses(
         self,
-        network: Upsampling,
+        network: UpsamplingNetwork,
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,
