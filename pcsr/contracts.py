@@ -217,13 +217,13 @@ class Item:
     """One object: a mesh in its own frame and unit."""
 
     name: str
-    """Unique within its `Shapes`, and the same on every machine."""
+    """Unique within its `ShapeSource`, and the same on every machine."""
     group: str
     """Objects of one group are variants of each other: a family, a product line, a source file."""
     mesh: "trimesh.Trimesh"
 
 
-class Shapes(Part):
+class ShapeSource(Part):
     """Gives the objects. Cheap to construct and to pickle: workers load one item each, by name."""
 
     def names(self, split: str) -> Sequence[str]:

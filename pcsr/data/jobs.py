@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pcsr.contracts import Shapes, TouchSource
+from pcsr.contracts import ShapeSource, TouchSource
 from pcsr.data.plan import Plan
 from pcsr.data.sample import Rejected, Sample, make_sample
 from pcsr.errors import RunError, UserError
@@ -52,7 +52,7 @@ class _Worker:
 
     def __init__(self, recipe: Recipe, registry: Registry) -> None:
         self.recipe = recipe
-        self.shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
+        self.shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
         self.source: TouchSource = recipe.data.touch.build(registry, "touch")
 
     def make(self, name: str) -> Sample | Rejected:

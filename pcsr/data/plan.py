@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pcsr.contracts import Shapes, TouchSource
+from pcsr.contracts import ShapeSource, TouchSource
 from pcsr.errors import UserError
 from pcsr.extras import require
 from pcsr.plugins.registry import Registry
@@ -42,7 +42,7 @@ class Plan:
             UserError: no split has any object, or a package that building needs is not installed.
         """
         require(packages(recipe, registry))
-        shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
+        shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
         source: TouchSource = recipe.data.touch.build(registry, "touch")
         names: dict[str, Sequence[str]] = {}
         empty: dict[str, str] = {}

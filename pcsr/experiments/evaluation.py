@@ -10,7 +10,7 @@ import torch
 import trimesh
 from jaxtyping import Float
 
-from pcsr.contracts import Shapes
+from pcsr.contracts import ShapeSource
 from pcsr.data.dataset import Split
 from pcsr.data.sample import felt_points, item_seed
 from pcsr.geometry.interpolation import midpoint
@@ -185,7 +185,7 @@ def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], spli
     """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
     if not _measured_on_meshes(recipe) and all(method.upsample for method in compared):
         return [None] * len(split)
-    shapes: Shapes = recipe.data.shapes.build(registry, "shapes")
+    shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)
     return [
         (sphere.apply(mesh.vertices), np.asarray(mesh.faces))

@@ -20,7 +20,7 @@ KINDS = {
     "upsampler": "Upsampler",
     "objective": "Objective",
     "touch": "TouchSource",
-    "shapes": "Shapes",
+    "shapes": "ShapeSource",
 }
 """Each kind of part and the name of its class in pcsr.contracts (which imports torch; this file does not)."""
 OURS = "pcsr"

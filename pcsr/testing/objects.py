@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.contracts import Item, Shapes
+from pcsr.contracts import Item, ShapeSource
 from pcsr.errors import UserError
 from pcsr.testing.subject import GIVE, Subject, pickled
 
@@ -103,7 +103,7 @@ def digests(subject: Subject) -> None:
             )
 
 
-def _names(subject: Subject, source: Shapes | Any) -> dict[str, list[Any]]:
+def _names(subject: Subject, source: ShapeSource | Any) -> dict[str, list[Any]]:
     """Names by split; a split may be refused."""
     found = {}
     for split in SPLITS:

@@ -3,7 +3,7 @@
 import pytest
 import trimesh
 
-from pcsr import Item, Shapes, UserError
+from pcsr import Item, ShapeSource, UserError
 from pcsr.data.plan import Plan
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
@@ -72,7 +72,7 @@ def test_a_split_of_meshes_that_no_file_fell_to_is_no_error(tmp_path):
 
 
 def test_without_a_digest_of_its_own_an_object_is_its_mesh():
-    class Box(Shapes):
+    class Box(ShapeSource):
         size = 1.0
 
         def item(self, name):

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import pytest
 from annotated_types import Gt
 
-from pcsr.contracts import Backbone, Encoder, Fusion, Objective, Shapes, TouchSource, Upsampler, Widths
+from pcsr.contracts import Backbone, Encoder, Fusion, Objective, ShapeSource, TouchSource, Upsampler, Widths
 from pcsr.plugins.registry import Entry, Registry
 
 
@@ -54,7 +54,7 @@ class Dense(Upsampler):
         super().__init__()
 
 
-class Parts(Shapes):
+class Parts(ShapeSource):
     def __init__(self, *, count: int = 10) -> None:
         self.count = count
 

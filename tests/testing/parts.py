@@ -11,7 +11,7 @@ from pcsr import (
     Fusion,
     Item,
     Objective,
-    Shapes,
+    ShapeSource,
     Touch,
     TouchSource,
     Trait,
@@ -118,7 +118,7 @@ class Pats(TouchSource):
         return Touch.of_one_finger(vertices[near], np.eye(4), 1.0, "pat")
 
 
-class Boxes(Shapes):
+class Boxes(ShapeSource):
     def __init__(self, *, count: int = 3) -> None:
         self.counts = {"train": count, "validation": 1}
 

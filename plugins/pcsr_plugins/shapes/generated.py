@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
-from pcsr import Item, Shapes, UserError
+from pcsr import Item, ShapeSource, UserError
 from pcsr.extras import require
 from pcsr_plugins.shapes.families.draw import SPLITS, Draw
 from pcsr_plugins.shapes.soundness import check_mesh
@@ -27,7 +27,7 @@ def by_name(*functions: Callable[[Draw], T]) -> dict[str, Callable[[Draw], T]]:
     return {f.__name__.replace("_", "-"): f for f in sorted(functions, key=lambda f: f.__name__)}
 
 
-class Generated(Shapes):
+class Generated(ShapeSource):
     """Families of objects in turn, each object of a family different. Lengths are mm.
 
     A source adds `families` and `solid`.

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from pydantic import Field
 
-from pcsr import Item, Shapes, UserError, read_mesh
+from pcsr import Item, ShapeSource, UserError, read_mesh
 from pcsr_plugins.shapes.soundness import check_mesh
 from pcsr_plugins.shapes.table import read_table
 
@@ -17,7 +17,7 @@ SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl")
 SPLITS = ("train", "validation", "test")
 
 
-class Meshes(Shapes):
+class Meshes(ShapeSource):
     """STL, OBJ, PLY, OFF and GLB files anywhere under a folder.
 
     Files of one sub-folder are one group and fall to one split, so that variants of an object never straddle
