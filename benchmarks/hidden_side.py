@@ -16,7 +16,7 @@ from rich.progress import track
 from rich.table import Table
 
 import pcsr
-from pcsr.contracts import Item
+from pcsr.contracts import ShapeItem
 from pcsr.data.sample import Sample, make_sample
 from pcsr.errors import PcsrError, UserError
 from pcsr.model import INTERPOLATION
@@ -37,7 +37,7 @@ def samples(touches: int, settings: Sequence[str]) -> list[Sample]:
     shapes = recipe.data.shapes.build(registry, "shapes")
     source = recipe.data.touch.build(registry, "touch")
 
-    def sample(item: Item) -> Sample:
+    def sample(item: ShapeItem) -> Sample:
         return make_sample(item, source, recipe.data, recipe.data.touches, recipe.data_seed)
 
     return [sample(shapes.item(name)) for name in track(shapes.names("test"), "parts", transient=True)]

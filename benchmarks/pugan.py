@@ -22,7 +22,7 @@ from rich.table import Table
 
 import pcsr
 from pcsr import weights
-from pcsr.contracts import Item, Trait
+from pcsr.contracts import ShapeItem, Trait
 from pcsr.errors import PcsrError, UserError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.network import Network
@@ -75,7 +75,7 @@ def touched(shapes: Sequence[Shape], source: pcsr.TouchSource, count: int) -> li
     kept = []
     for shape in shapes:
         try:  # places are drawn uniformly from the surface whatever the cloud is, so both rates have the same touches
-            felt = source.touches(Item(shape.name, shape.name, shape.mesh), shape.sparse[4], count, SEED)
+            felt = source.touches(ShapeItem(shape.name, shape.name, shape.mesh), shape.sparse[4], count, SEED)
         except UserError as error:
             click.echo(f"{shape.name} is left out, as it cannot be touched: {error}", err=True)
             continue

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pcsr import Item
+from pcsr import ShapeItem
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
@@ -27,7 +27,7 @@ def part_of_10_000_triangles():
 
 
 MESHES = {
-    "torus": lambda: Item("torus", "torus", trimesh.creation.torus(30, 9, major_sections=100, minor_sections=50)),
+    "torus": lambda: ShapeItem("torus", "torus", trimesh.creation.torus(30, 9, major_sections=100, minor_sections=50)),
     "cad-part": part_of_10_000_triangles,
 }
 

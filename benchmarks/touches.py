@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from pcsr import Item, Touch, UserError
+from pcsr import ShapeItem, Touch, UserError
 from pcsr.clouds.touch import coverage
 from pcsr.geometry.sampling import surface_points
 from pcsr_plugins.shapes.cad_parts import CadParts
@@ -21,7 +21,7 @@ POLICIES = ("uniform", "spread", "sparse", "grasp")
 SIZES = (30.0, 60.0, 120.0, 320.0)
 
 
-def felt(digit: Digit, items: list[Item], count: int) -> Iterator[tuple[Item, list[Touch] | None]]:
+def felt(digit: Digit, items: list[ShapeItem], count: int) -> Iterator[tuple[ShapeItem, list[Touch] | None]]:
     """The touches of each object, None where it was refused; the cloud is 512 random points."""
     for item in track(items, console=Console(stderr=True), transient=True):
         cloud = surface_points(item.mesh, 512, np.random.default_rng(0))
@@ -31,7 +31,7 @@ def felt(digit: Digit, items: list[Item], count: int) -> Iterator[tuple[Item, li
             yield item, None
 
 
-def covered(digit: Digit, items: list[Item]) -> tuple[list[str], str, str]:
+def covered(digit: Digit, items: list[ShapeItem]) -> tuple[list[str], str, str]:
     """Median share of the surface that 1 to 5 touches cover; their contacts; how many objects were refused."""
     kept = [(item, touches) for item, touches in felt(digit, items, 5) if touches]
     shares = [[coverage(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]

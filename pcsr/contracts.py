@@ -213,7 +213,7 @@ class Objective(nn.Module, Part):
 
 
 @dataclass(frozen=True)
-class Item:
+class ShapeItem:
     """One object: a mesh in its own frame and unit."""
 
     name: str
@@ -230,7 +230,7 @@ class ShapeSource(Part):
         """The objects of `split` ("train", "validation" or "test"), in a fixed order."""
         raise NotImplementedError
 
-    def item(self, name: str) -> Item:
+    def item(self, name: str) -> ShapeItem:
         """Load or generate one object.
 
         Raises:
@@ -255,7 +255,7 @@ class ShapeSource(Part):
 class TouchSource(Part):
     """Gives the touches of an object, simulated or recorded."""
 
-    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
+    def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches of `item`, in its frame and unit; `cloud` is what the camera sees of it.
 
         The same arguments give the same touches, and fewer are a prefix of more.

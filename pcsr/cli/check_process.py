@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pcsr.errors import RunError, UserError
 
 if TYPE_CHECKING:
-    from pcsr.contracts import Item
+    from pcsr.contracts import ShapeItem
     from pcsr.plugins.registry import Registry
     from pcsr.testing import Check, Outcome
 
@@ -128,15 +128,15 @@ def _checks(job: Job, registry: "Registry") -> "list[Check]":
     return checks_for(registry.get(job.kind, job.name), **host, **job.options)
 
 
-def item(mesh: Path) -> "Item":
+def item(mesh: Path) -> "ShapeItem":
     """What a touch source is to touch.
 
     Raises:
         UserError: the file is no mesh.
     """
     from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.contracts import Item
+    from pcsr.contracts import ShapeItem
 
     if not mesh.is_file():
         raise UserError(f"--mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
-    return Item(mesh.name, mesh.name, read_mesh(mesh))
+    return ShapeItem(mesh.name, mesh.name, read_mesh(mesh))

@@ -59,7 +59,7 @@ def touch(
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.touch import coverage
-    from pcsr.contracts import Item, TouchSource
+    from pcsr.contracts import ShapeItem, TouchSource
     from pcsr.extras import require
     from pcsr.geometry.sampling import surface_points
     from pcsr.recipe import for_data
@@ -77,7 +77,7 @@ def touch(
     recipe = for_data("meshes", {"folder": str(mesh.parent)}, registry, [*given, *overrides], part="touch")
     require(recipe.data.touch.needs(registry, "touch"))
     feeler: TouchSource = recipe.data.touch.build(registry, "touch")
-    item: Item = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
+    item: ShapeItem = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
         seen = read_points(cloud)
         _check_beside(seen, item.mesh, cloud, mesh)

@@ -9,7 +9,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from pcsr.contracts import Item, TouchSource
+from pcsr.contracts import ShapeItem, TouchSource
 from pcsr.data.view import seen_points
 from pcsr.errors import UserError
 from pcsr.geometry.farthest import farthest_points
@@ -51,7 +51,7 @@ class Rejected:
     """Not the object's doing but a fault of a part or a library: it is tried again when the build is run again."""
 
 
-def make_sample(item: Item, source: TouchSource, data: Data, touches: int, seed: int) -> Sample:
+def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, seed: int) -> Sample:
     """Sample an object's surface and touch it.
 
     Raises:
@@ -141,7 +141,7 @@ def _truth(mesh: trimesh.Trimesh, data: Data, rng: np.random.Generator) -> Float
 
 
 def _sparse(
-    item: Item, truth: Float[np.ndarray, "g 3"], data: Data, rng: np.random.Generator
+    item: ShapeItem, truth: Float[np.ndarray, "g 3"], data: Data, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 3"]:
     """A subset of the truth, as in the paper, or what a camera sees."""
     sampling = str(rng.choice(KINDS)) if data.sampling == "mixed" else data.sampling

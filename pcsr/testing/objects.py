@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.contracts import Item, ShapeSource
+from pcsr.contracts import ShapeItem, ShapeSource
 from pcsr.errors import UserError
 from pcsr.testing.subject import GIVE, Subject, pickled
 
@@ -57,11 +57,11 @@ def items(subject: Subject) -> None:
                 ) from error
             continue
         loaded += 1
-        if not isinstance(item, Item) or item.name != name or not isinstance(item.group, str) or not item.group:
+        if not isinstance(item, ShapeItem) or item.name != name or not isinstance(item.group, str) or not item.group:
             raise subject.failure(
                 f"for '{name}' it gives {item!r:.200}",
-                "an Item of that name, with a group",
-                "return pcsr.Item(name, group, mesh)",
+                "a ShapeItem of that name, with a group",
+                "return pcsr.ShapeItem(name, group, mesh)",
             )
         vertices, faces = np.asarray(item.mesh.vertices), np.asarray(item.mesh.faces)
         if not len(faces) or not np.isfinite(vertices).all() or not item.mesh.area > 0:

@@ -12,7 +12,7 @@ import torch
 from torch import nn
 
 import pcsr.contracts
-from pcsr.contracts import Encoder, Item, Upsampler, Widths
+from pcsr.contracts import Encoder, ShapeItem, Upsampler, Widths
 from pcsr.errors import UserError
 from pcsr.plugins.guard import watched
 from pcsr.plugins.registry import KINDS
@@ -40,7 +40,7 @@ class Subject:
     part: type[Any]
     kind: str
     options: Mapping[str, Any]
-    item: Item | None = None
+    item: ShapeItem | None = None
     """The object that a touch source is to touch; None: the suite's own."""
     upsampler: type[Upsampler] | None = None
     """What an objective judges the network of; None: the suite's own."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from pcsr.contracts import Item, Upsampler
+from pcsr.contracts import ShapeItem, Upsampler
 from pcsr.testing import (
     behaviour,
     construction,
@@ -71,7 +71,7 @@ OF_KIND: dict[str, Checks] = {
 
 
 def checks_for(
-    part: type[Any], *, item: Item | None = None, upsampler: type[Upsampler] | None = None, **options: Any
+    part: type[Any], *, item: ShapeItem | None = None, upsampler: type[Upsampler] | None = None, **options: Any
 ) -> list[Check]:
     """The checks of a part, whatever its kind. Nothing of the part runs before a check is called.
 

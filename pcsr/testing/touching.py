@@ -7,7 +7,7 @@ import trimesh
 from jaxtyping import Float
 
 from pcsr.clouds.touch import Touch
-from pcsr.contracts import Item
+from pcsr.contracts import ShapeItem
 from pcsr.errors import UserError
 from pcsr.geometry.sampling import surface_points
 from pcsr.metrics.p2f import point_to_surface
@@ -21,12 +21,12 @@ NEAR = 0.1
 """How far from the surface the middle one of a touch's points may lie, in radii of the object."""
 
 
-def egg() -> Item:
+def egg() -> ShapeItem:
     """The suite's own object: 60 mm long, watertight, curved, and far from the origin of its frame."""
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     mesh.apply_scale([30.0, 22.0, 16.0])
     mesh.apply_translation([400.0, -250.0, 600.0])
-    return Item("egg", "egg", mesh)
+    return ShapeItem("egg", "egg", mesh)
 
 
 def touches(subject: Subject) -> None:
@@ -51,7 +51,7 @@ def touches(subject: Subject) -> None:
             )
 
 
-def _sound(subject: Subject, item: Item, number: int, touch: Touch) -> None:
+def _sound(subject: Subject, item: ShapeItem, number: int, touch: Touch) -> None:
     """Raises CheckFailed for a touch that cannot be one of this object."""
     points, finger, poses = touch.points, touch.finger, touch.poses
     if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
@@ -128,7 +128,7 @@ def leaves_inputs(subject: Subject) -> None:
         raise subject.failure("it changes the object or its cloud", "that both stay as they are", "work on copies")
 
 
-def _object(subject: Subject) -> tuple[Item, Float[np.ndarray, "n 3"]]:
+def _object(subject: Subject) -> tuple[ShapeItem, Float[np.ndarray, "n 3"]]:
     item = subject.item or egg()
     return item, surface_points(item.mesh, SEEN, np.random.default_rng(0))
 
@@ -147,7 +147,7 @@ def _touch(subject: Subject, count: int, source: Any = None) -> list[Touch]:
         raise subject.failure(
             f"it refuses {count} touches of '{item.name}': {error}",
             "that it can touch something",
-            "hand in an object that it can touch: checks_for(Part, item=pcsr.Item(…)), or --mesh FILE",
+            "hand in an object that it can touch: checks_for(Part, item=pcsr.ShapeItem(…)), or --mesh FILE",
         ) from error
     return felt
 

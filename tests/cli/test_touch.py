@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from pcsr import Item
+from pcsr import ShapeItem
 from pcsr.cli import pcsr
 from pcsr.recorded import read
 from pcsr_plugins.touch.digit import Digit
@@ -45,7 +45,7 @@ def test_what_is_read_back_is_what_was_felt_to_the_last_bit(part, tmp_path, argu
     assert done.exit_code == 0, done.output
     mesh = trimesh.load(part, process=False)
     mesh.merge_vertices(merge_norm=True)
-    expected = Digit(**options).touches(Item("part.stl", "part.stl", mesh), np.zeros((1, 3)), 3, 4)
+    expected = Digit(**options).touches(ShapeItem("part.stl", "part.stl", mesh), np.zeros((1, 3)), 3, 4)
     recording = read(tmp_path / "touches")
     assert len(recording.touches) == 3
     assert recording.skipped == {}

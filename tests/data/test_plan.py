@@ -3,7 +3,7 @@
 import pytest
 import trimesh
 
-from pcsr import Item, ShapeSource, UserError
+from pcsr import ShapeItem, ShapeSource, UserError
 from pcsr.data.plan import Plan
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
@@ -78,7 +78,7 @@ def test_without_a_digest_of_its_own_an_object_is_its_mesh():
         def item(self, name):
             if name == "bad":
                 raise UserError("bad: no")
-            return Item(name, name, trimesh.creation.box((1, 1, self.size)))
+            return ShapeItem(name, name, trimesh.creation.box((1, 1, self.size)))
 
     one, other = Box(), Box()
     other.size = 2.0

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from pcsr import Item, Touch, TouchSource, UserError
+from pcsr import ShapeItem, Touch, TouchSource, UserError
 from pcsr.data.sample import KINDS, covered, felt_points, item_seed, make_sample
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=2.0).apply_translation([10.0, 0.0, 0.0])
-ITEM = Item("shelf/ball", "balls", BALL)
+ITEM = ShapeItem("shelf/ball", "balls", BALL)
 
 
 class Corner(TouchSource):
@@ -62,12 +62,14 @@ def test_mixed_is_each_of_the_kinds_for_about_a_quarter_of_the_objects(recipe):
         return "random" if even < 0.25 else "even"
 
     names = [f"ball {i}" for i in range(40)]
-    kinds = [kind(made(recipe, "sampling=mixed", touches=0, item=Item(name, "balls", BALL))) for name in names]
+    kinds = [kind(made(recipe, "sampling=mixed", touches=0, item=ShapeItem(name, "balls", BALL))) for name in names]
     assert set(KINDS) == {"random", "poisson", "fps", "view"}
     for name, share in [("random", 10), ("even", 20), ("view", 10)]:
         assert kinds.count(name) == pytest.approx(share, abs=9), kinds  # three standard deviations
-    again = made(recipe, "sampling=mixed", touches=0, item=Item(names[0], "balls", BALL))
-    assert np.array_equal(again.points, made(recipe, "sampling=mixed", touches=0, item=Item(names[0], "", BALL)).points)
+    again = made(recipe, "sampling=mixed", touches=0, item=ShapeItem(names[0], "balls", BALL))
+    assert np.array_equal(
+        again.points, made(recipe, "sampling=mixed", touches=0, item=ShapeItem(names[0], "", BALL)).points
+    )
 
 
 def test_the_truth_of_an_object_is_the_same_however_its_cloud_is_drawn(recipe):
@@ -120,7 +122,7 @@ def test_seed_and_name_alone_decide_it(recipe):
     same, other = made(recipe, seed=3), made(recipe, seed=4)
     assert np.array_equal(made(recipe, seed=3).truth, same.truth)
     assert not np.array_equal(other.truth, same.truth)
-    renamed = made(recipe, seed=3, item=Item("another", "balls", BALL))
+    renamed = made(recipe, seed=3, item=ShapeItem("another", "balls", BALL))
     assert not np.array_equal(renamed.truth, same.truth)
 
 

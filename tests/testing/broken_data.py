@@ -7,7 +7,7 @@ import numpy as np
 import torch
 import trimesh
 
-from pcsr import Item, UserError
+from pcsr import ShapeItem, UserError
 from tests.testing.broken_network import _Wrong
 from tests.testing.parts import Boxes, Pats, Squares
 
@@ -225,12 +225,12 @@ class JustTheMesh(Boxes):
 
 class Empty(Boxes):
     def item(self, name):
-        return Item(name, "box", trimesh.Trimesh(np.zeros((3, 3)), np.zeros((0, 3), int), process=False))
+        return ShapeItem(name, "box", trimesh.Trimesh(np.zeros((3, 3)), np.zeros((0, 3), int), process=False))
 
 
 class AnotherEachTime(Boxes):
     def item(self, name):
-        return Item(name, "box", trimesh.creation.box([1.0, 2.0, 3.0 + next(COUNTER)]))
+        return ShapeItem(name, "box", trimesh.creation.box([1.0, 2.0, 3.0 + next(COUNTER)]))
 
 
 class RefusesOneNamelessly(Boxes):
@@ -300,8 +300,8 @@ BROKEN = [
     ("names", NumbersForNames, "no text"),
     ("names", OneNameForAll, "names come twice, such as 'train/0'"),
     ("names", OneText, "its names of 'train' are a str"),
-    ("items", Renamed, "for 'train/0' it gives Item"),
-    ("items", Groupless, "for 'train/0' it gives Item"),
+    ("items", Renamed, "for 'train/0' it gives ShapeItem"),
+    ("items", Groupless, "for 'train/0' it gives ShapeItem"),
     ("items", JustTheMesh, "for 'train/0' it gives <trimesh"),
     ("items", Empty, "has 0 faces"),
     ("items", AnotherEachTime, "'train/0' is another object when asked again"),

@@ -9,8 +9,8 @@ from pcsr import (
     Backbone,
     Encoder,
     Fusion,
-    Item,
     Objective,
+    ShapeItem,
     ShapeSource,
     Touch,
     TouchSource,
@@ -128,7 +128,7 @@ class Boxes(ShapeSource):
         return [f"{split}/{number}" for number in range(self.counts[split])]
 
     def item(self, name):
-        return Item(name, "box", trimesh.creation.box([1.0, 2.0, 3.0 + int(name[-1])]))
+        return ShapeItem(name, "box", trimesh.creation.box([1.0, 2.0, 3.0 + int(name[-1])]))
 
 
 SOUND = {

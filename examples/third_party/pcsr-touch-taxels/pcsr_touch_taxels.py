@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import Item, Register, Touch, TouchSource, UserError, hookimpl
+from pcsr import Register, ShapeItem, Touch, TouchSource, UserError, hookimpl
 from pcsr.geometry.rays import MeshRays
 
 Positive = Annotated[float, Field(gt=0)]
@@ -66,7 +66,7 @@ class Taxels(TouchSource):
         self.tilt, self.at_least, self.points, self.tries = tilt, at_least, points, tries
         self.taxels, self.area = lay_out(radius, math.radians(cap), pitch)
 
-    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
+    def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
 
         Raises:

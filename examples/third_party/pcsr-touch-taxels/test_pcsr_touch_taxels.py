@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from pcsr_touch_taxels import Taxels, lay_out
 
-from pcsr import Item, UserError
+from pcsr import ShapeItem, UserError
 from pcsr.geometry.rays import MeshRays
 from pcsr.metrics import point_to_surface
 from pcsr.testing import checks_for
@@ -19,7 +19,7 @@ def test_part(check):
 
 
 def ball(radius):
-    return Item("ball", "ball", trimesh.creation.icosphere(subdivisions=5, radius=radius))
+    return ShapeItem("ball", "ball", trimesh.creation.icosphere(subdivisions=5, radius=radius))
 
 
 def test_taxels_lie_on_the_ball_about_a_pitch_apart():
@@ -40,7 +40,7 @@ def test_without_noise_the_points_lie_on_the_surface():
 
 
 def test_on_a_plate_the_contact_is_as_wide_as_the_press_is_deep():
-    plate = Item("plate", "plate", trimesh.creation.box(extents=(400, 400, 400)))
+    plate = ShapeItem("plate", "plate", trimesh.creation.box(extents=(400, 400, 400)))
     source = Taxels(object_size=None, depth_noise=0.0, tilt=0.0, pitch=0.25, least=0.0, press=1.0, points=2000)
     (touch,) = source.touches(plate, CLOUD, 1, 3)
     # In the finger's frame the plate is 1 mm above the tip, where the ball of 8 mm is √(8² − 7²) mm wide.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
-from pcsr import Item, ShapeSource, UserError
+from pcsr import ShapeItem, ShapeSource, UserError
 from pcsr.extras import require
 from pcsr_plugins.shapes.families.draw import SPLITS, Draw
 from pcsr_plugins.shapes.soundness import check_mesh
@@ -70,7 +70,7 @@ class Generated(ShapeSource):
         rounds, families = len(self.families), list(self.families)
         return [f"{split}/{families[i % rounds]}/{i // rounds:04d}" for i in range(self.counts[split])]
 
-    def item(self, name: str) -> Item:
+    def item(self, name: str) -> ShapeItem:
         """Generate one object: one watertight body.
 
         Raises:
@@ -89,7 +89,7 @@ class Generated(ShapeSource):
         for attempt in range(ATTEMPTS):
             mesh = surface_of(self.solid(family, Draw(split, _seed(self.seed, name, attempt))))
             if mesh is not None:
-                return Item(name, family, check_mesh(mesh, name))
+                return ShapeItem(name, family, check_mesh(mesh, name))
         raise UserError(f"{self.title} could not make '{name}' in one piece with seed {self.seed}: take another seed")
 
     def solid(self, family: str, draw: Draw) -> "Manifold":

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from pydantic import Field
 
-from pcsr import Item, ShapeSource, UserError, read_mesh
+from pcsr import ShapeItem, ShapeSource, UserError, read_mesh
 from pcsr_plugins.shapes.soundness import check_mesh
 from pcsr_plugins.shapes.table import read_table
 
@@ -93,7 +93,7 @@ class Meshes(ShapeSource):
             )
         return names
 
-    def item(self, name: str) -> Item:
+    def item(self, name: str) -> ShapeItem:
         """Load one file; the meshes of a scene are joined into one.
 
         Raises:
@@ -104,7 +104,7 @@ class Meshes(ShapeSource):
         if inside.is_absolute() or ".." in inside.parts or not path.is_file():
             raise UserError(f"meshes: '{name}' is not a file under '{self.folder}'")
         group = group_of(name) if self.rows is None or name not in self.rows else self.rows[name].group
-        return Item(name, group, _load(path))
+        return ShapeItem(name, group, _load(path))
 
     def digest(self, name: str) -> str:
         """Hash of the file and of its group."""

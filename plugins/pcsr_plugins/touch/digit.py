@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import Item, Touch, TouchSource, UserError
+from pcsr import ShapeItem, Touch, TouchSource, UserError
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch import sensors
 from pcsr_plugins.touch.hand import Hand
@@ -153,7 +153,7 @@ class Digit(TouchSource):
             tries=tries,
         )
 
-    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
+    def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
 
         Raises:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import Item, Touch, TouchSource, UserError
+from pcsr import ShapeItem, Touch, TouchSource, UserError
 from pcsr.recorded import MANIFEST, read
 
 
@@ -36,7 +36,7 @@ class Recorded(TouchSource):
         if not self.folder.is_dir():
             raise UserError(f"touch 'recorded': folder '{folder}' is not there: give one with a {MANIFEST}")
 
-    def touches(self, item: Item, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
+    def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` of the recorded touches of `item`.
 
         Raises:

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from pcsr import Item, UserError
+from pcsr import ShapeItem, UserError
 from pcsr.recipe.schema import options_model
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch import hand, sensors
@@ -22,7 +22,7 @@ SHAPES = {
 
 
 def touch(mesh, count=1, seed=0, cloud=CLOUD, **options):
-    return Digit(**{**IDEAL, **options}).touches(Item("part-3", "part", mesh), cloud, count, seed)
+    return Digit(**{**IDEAL, **options}).touches(ShapeItem("part-3", "part", mesh), cloud, count, seed)
 
 
 def in_sensor(touch):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pcsr import Item, Touch, UserError
+from pcsr import ShapeItem, Touch, UserError
 from pcsr.recipe.schema import options_model
 from pcsr.recorded import write
 from pcsr_plugins.touch.recorded import Recorded
@@ -20,7 +20,7 @@ def patches(count, points=40):
 
 
 def felt(folder, count, seed=0, name="part", points=16):
-    return Recorded(folder=str(folder), points=points).touches(Item(name, "g", BOX), CLOUD, count, seed)
+    return Recorded(folder=str(folder), points=points).touches(ShapeItem(name, "g", BOX), CLOUD, count, seed)
 
 
 def numbers(touches):
