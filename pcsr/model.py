@@ -32,7 +32,7 @@ FAR = 1.0
 """A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
 RATES = (1.1, 64.0)
 
-Touches = str | Path | Sequence[Any]
+TouchesLike = str | Path | Sequence[Any]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Model:
     def upsample(
         self,
         points: Any,
-        touches: Touches = (),
+        touches: TouchesLike = (),
         rate: float | int | None = None,
         *,
         count: int | None = None,
@@ -98,7 +98,7 @@ class Model:
     def new_points(
         self,
         points: Float[np.ndarray, "n 3"],
-        touches: Touches = (),
+        touches: TouchesLike = (),
         rate: float | int | None = None,
         *,
         count: int | None = None,
@@ -214,7 +214,7 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
     return round(rate * n)
 
 
-def _felt(touches: Touches, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
+def _felt(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
     """The points of each touch, in the frame of the cloud, which was divided by a power of two."""
     if isinstance(touches, str | Path):
         from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
