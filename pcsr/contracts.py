@@ -55,7 +55,7 @@ class Widths:
 
 
 @dataclass(frozen=True)
-class Touches:
+class TouchBatch:
     """A batch of touches with their features, as a fusion receives it.
 
     A row of the batch may hold fewer touches than another: `mask` is True where there is one. The host never
@@ -117,7 +117,7 @@ class Fusion(nn.Module, Part):
     keeps_touched_points: ClassVar[bool] = False
     """True where touched points are part of the dense cloud, in the place of what the network made around them."""
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """Fuse the touches into `features`, which keep their shape."""
         raise NotImplementedError
 

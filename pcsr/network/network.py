@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
+from pcsr.contracts import Backbone, Encoder, Fusion, TouchBatch, Upsampler, Widths
 from pcsr.errors import UserError
 from pcsr.geometry.anchoring import even_subset
 from pcsr.plugins.registry import Registry
@@ -148,7 +148,7 @@ def fuse(
         if not touched.all():
             fused = fuse(fusion, touch_encoder, points[touched], features[touched], touches[touched], mask[touched])
             return features.masked_scatter(touched[:, None, None], fused)
-    heard = Touches(touches, encode(touch_encoder, touches), mask)
+    heard = TouchBatch(touches, encode(touch_encoder, touches), mask)
     result: Features = fusion(points, features, heard)
     return result
 

@@ -67,7 +67,7 @@ def missing_touches(subject: Subject) -> None:
         raise subject.failure(
             f"what lies in a missing touch moves the result by {gap:.2g}",
             "that only touches are heard where `mask` is True",
-            "leave the others out: with attention by Touches.flat_padding, in a mean by the mask",
+            "leave the others out: with attention by TouchBatch.flat_padding, in a mean by the mask",
         )
     own = {name: tensor[:, :1] if "touch" in name else tensor for name, tensor in rows(tensors, slice(1, 2)).items()}
     gap = apart(call(module, subject.widths.rate, {**own, "mask": mask[1:2, :1]}), made[1:2])

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcsr.contracts import Encoder, Fusion, Touches, Upsampler, Widths
+from pcsr.contracts import Encoder, Fusion, TouchBatch, Upsampler, Widths
 
 BATCH, POINTS, TOUCHES, FELT = 3, 128, 2, 24
 """Clouds of a batch, points of a cloud, touches of a cloud, points of a touch."""
@@ -75,7 +75,7 @@ def call(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> Tensor:
     if isinstance(module, Encoder):
         made = module(tensors["points"])
     elif isinstance(module, Fusion) and module.uses_touch_features:
-        touches = Touches(tensors["touches"], tensors["touch_features"], tensors["mask"])
+        touches = TouchBatch(tensors["touches"], tensors["touch_features"], tensors["mask"])
         made = module(tensors["points"], tensors["features"], touches)
     elif isinstance(module, Fusion):
         made = module.join(tensors["points"], tensors["touches"], tensors["mask"])

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcsr.contracts import Backbone, Encoder, Fusion, Touches, Upsampler, Widths
+from pcsr.contracts import Backbone, Encoder, Fusion, TouchBatch, Upsampler, Widths
 from pcsr.errors import UserError
 from pcsr.network.network import Network
 from pcsr.tensors import Dense, Features, Points
@@ -34,7 +34,7 @@ class _Mean(Fusion):
         super().__init__()
         self.layer = nn.Linear(WIDTHS.touch, WIDTHS.visual)
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         fused: Features = features + self.layer(touches.flat.mean(1, keepdim=True))
         return fused
 

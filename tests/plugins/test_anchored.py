@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from torch import nn
 from torch.nn import functional as F
 
-from pcsr import Fusion, Touches, Trait, Widths
+from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr_plugins.fusions.anchored import Anchored
 
 WIDTHS = Widths(visual=6, touch=4)
@@ -28,7 +28,7 @@ def given_clouds(seed=0, touches=3, points=9, rows=2):
     cloud, features = torch.randn(rows, N, 3, generator=random), torch.randn(rows, N, 6, generator=random)
     felt = torch.randn(rows, touches, points, 3, generator=random)
     said = torch.randn(rows, touches, points, 4, generator=random)
-    return cloud, features, Touches(felt, said, torch.ones(rows, touches, dtype=torch.bool))
+    return cloud, features, TouchBatch(felt, said, torch.ones(rows, touches, dtype=torch.bool))
 
 
 def close(a, b):
@@ -84,7 +84,7 @@ def test_neither_the_order_of_touches_nor_that_of_their_points_matters(seed, hea
     touches.mask[0, 1] = False
     random = torch.Generator().manual_seed(seed)
     a, m = torch.randperm(3, generator=random), torch.randperm(9, generator=random)
-    other = Touches(touches.points[:, a][:, :, m], touches.features[:, a][:, :, m], touches.mask[:, a])
+    other = TouchBatch(touches.points[:, a][:, :, m], touches.features[:, a][:, :, m], touches.mask[:, a])
     fusion = made(heard=heard)
     close(fusion(points, features, other), fusion(points, features, touches))
 
@@ -101,11 +101,11 @@ def test_what_stands_in_the_place_of_a_missing_touch_is_not_heard():
     points, features, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [False, False, True]])
     fusion = made(neighbours=20)
-    there = fusion(points, features, Touches(touches.points, touches.features, mask))
+    there = fusion(points, features, TouchBatch(touches.points, touches.features, mask))
     other, said = touches.points.clone(), touches.features.clone()
     other[~mask], said[~mask] = 0.01, 99.0
-    assert torch.equal(fusion(points, features, Touches(other, said, mask)), there)
-    alone = Touches(touches.points[:1, [0, 2]], touches.features[:1, [0, 2]], mask[:1, [0, 2]])
+    assert torch.equal(fusion(points, features, TouchBatch(other, said, mask)), there)
+    alone = TouchBatch(touches.points[:1, [0, 2]], touches.features[:1, [0, 2]], mask[:1, [0, 2]])
     close(fusion(points[:1], features[:1], alone), there[:1])
 
 
@@ -116,7 +116,7 @@ def test_a_missing_touch_gets_no_gradient_and_does_no_harm():
     points.requires_grad_()
     points.data[0, 0] = touches.points[0, 0, 0]  # a way of no length
     fusion = made(neighbours=30)
-    fusion(points, features, Touches(touches.points, said, mask)).square().sum().backward()
+    fusion(points, features, TouchBatch(touches.points, said, mask)).square().sum().backward()
     assert said.grad[~mask].abs().max() == 0
     assert (said.grad[mask] != 0).flatten(1).any(1).all()
     for grad in (points.grad, *(weight.grad for weight in fusion.parameters())):
@@ -133,7 +133,7 @@ def test_only_the_nearest_are_heard():
     for j in range(9):
         said = touches.features.clone()
         said[0, 0, j] += 100.0
-        moved = (fusion(points, features, Touches(touches.points, said, touches.mask)) != before)[0].any(1)
+        moved = (fusion(points, features, TouchBatch(touches.points, said, touches.mask)) != before)[0].any(1)
         hears = (nearest == j).any(1)
         assert not moved[~hears].any()
         # 100 more of everything is louder, or softer, than all others in some channel.
@@ -145,7 +145,7 @@ def test_of_a_dense_touch_points_spread_over_it_are_heard():
     fusion = made(heard=8)
     line = torch.zeros(1, 1, 800, 3)
     line[..., 0] = torch.linspace(0, 1, 800)
-    felt, said, missing = fusion._thinned(Touches(line, line.repeat(1, 1, 1, 2)[..., :4], torch.ones(1, 1).bool()))
+    felt, said, missing = fusion._thinned(TouchBatch(line, line.repeat(1, 1, 1, 2)[..., :4], torch.ones(1, 1).bool()))
     assert felt.shape == (1, 8, 3)
     assert (line[0, 0, :, :1] - felt[0, :, 0]).abs().amin(1).max() < 0.15
     assert not missing.any()

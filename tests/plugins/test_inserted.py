@@ -7,7 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr import Touches, Trait, UserError, Widths
+from pcsr import TouchBatch, Trait, UserError, Widths
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
@@ -38,7 +38,7 @@ def test_it_claims_what_the_host_acts_on_and_has_no_weights():
     assert not list(fusion.parameters())
     points, touches = given_clouds()
     features = torch.randn(2, N, 6)
-    assert fusion(points, features, Touches(touches, touches, ALL)) is features
+    assert fusion(points, features, TouchBatch(touches, touches, ALL)) is features
 
 
 @given(seed=st.integers(0, 1000), m=st.integers(1, 30), some=st.integers(0, 40))

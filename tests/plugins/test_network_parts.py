@@ -6,7 +6,7 @@ from torch import nn
 from torch.nn import functional as F
 
 import pcsr
-from pcsr import Touches, Trait, UserError, Widths
+from pcsr import TouchBatch, Trait, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.metrics.chamfer import chamfer
@@ -32,9 +32,9 @@ def _seed():
         yield
 
 
-def touched(mask: list[list[bool]], points: int = 10) -> Touches:
+def touched(mask: list[list[bool]], points: int = 10) -> TouchBatch:
     shape = (len(mask), len(mask[0]), points)
-    return Touches(torch.randn(*shape, 3), torch.randn(*shape, WIDTHS.touch), torch.tensor(mask))
+    return TouchBatch(torch.randn(*shape, 3), torch.randn(*shape, WIDTHS.touch), torch.tensor(mask))
 
 
 def close(a: torch.Tensor, b: torch.Tensor, atol: float = 1e-5) -> None:
@@ -311,7 +311,7 @@ def test_the_fusion_has_its_gradients_in_single_precision():
     features, touches = torch.randn(2, 200, WIDTHS.visual), touched([[True, True, False], [True, True, True]], 200)
 
     def call(part: nn.Module) -> torch.Tensor:
-        given = Touches(like(part, touches.points), like(part, touches.features), touches.mask)
+        given = TouchBatch(like(part, touches.points), like(part, touches.features), touches.mask)
         return part(like(part, points), like(part, features), given)
 
     check_single_precision(fusion, call, torch.randn(2, 200, WIDTHS.visual))

@@ -66,7 +66,7 @@ def test_every_part_that_comes_with_pcsr_is_listed(kind):
 
 @pytest.mark.parametrize(
     ("kind", "record"),
-    [("fusion", contracts.Touches), ("touch", Touch), ("shapes", contracts.ShapeItem)],
+    [("fusion", contracts.TouchBatch), ("touch", Touch), ("shapes", contracts.ShapeItem)],
 )
 def test_what_is_handed_over_is_told_field_by_field(kind, record):
     names = {

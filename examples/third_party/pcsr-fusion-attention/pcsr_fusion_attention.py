@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pcsr import Fusion, Register, Touches, Trait, Widths, hookimpl
+from pcsr import Fusion, Register, TouchBatch, Trait, Widths, hookimpl
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Features, Neighbours, Points
 
@@ -51,7 +51,7 @@ class Attention(Fusion):
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """The module's two lines; (b n c) to (b n c)."""
         near = self._nearest(points, touches)
         query = self.query(features).unflatten(-1, (self.heads, self.channels))  # (b n h c)
@@ -68,7 +68,7 @@ class Attention(Fusion):
         added: Features = self.out(torch.einsum("bnkh,bnkhc->bnhc", attention, value + heard).flatten(2))
         return features + added
 
-    def _nearest(self, points: Points, touches: Touches) -> Neighbours:
+    def _nearest(self, points: Points, touches: TouchBatch) -> Neighbours:
         """Indices of the touched points nearest to each visual point; those of touches that are none come last."""
         felt = touches.flat_points.detach().masked_fill(touches.flat_padding.unsqueeze(-1), APART)
         return knn(points.detach(), felt, min(self.neighbours, felt.shape[1]))

@@ -5,7 +5,7 @@ import torch
 from pcsr_fusion_attention import Attention
 from torch import nn
 
-from pcsr import Touches, Widths
+from pcsr import TouchBatch, Widths
 from pcsr.testing import checks_for
 
 MASK = torch.tensor([[True, True, False], [False, True, False]])
@@ -29,7 +29,7 @@ def world(m=7):
     def draw(*shape):
         return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
-    return draw(2, 9, 3), draw(2, 9, 6), Touches(draw(2, 3, m, 3), draw(2, 3, m, 5), MASK)
+    return draw(2, 9, 3), draw(2, 9, 6), TouchBatch(draw(2, 3, m, 3), draw(2, 3, m, 5), MASK)
 
 
 def plain(part, points, features, touches):
@@ -68,9 +68,9 @@ def test_it_starts_as_the_visual_network():
 @torch.no_grad()
 def test_it_knows_where_a_touch_is():
     part, (points, features, touches) = fusion(), world()
-    moved = Touches(touches.points + torch.tensor([0.3, 0.0, 0.0]).double(), touches.features, touches.mask)
+    moved = TouchBatch(touches.points + torch.tensor([0.3, 0.0, 0.0]).double(), touches.features, touches.mask)
     assert not torch.allclose(part(points, features, moved), part(points, features, touches))
-    together = part(points + 1.0, features, Touches(touches.points + 1.0, touches.features, touches.mask))
+    together = part(points + 1.0, features, TouchBatch(touches.points + 1.0, touches.features, touches.mask))
     torch.testing.assert_close(together, part(points, features, touches))  # where, from the point's own place
 
 
@@ -84,7 +84,7 @@ def test_a_point_hears_the_nearest_touched_points_alone():
     far[heard] = False
     other = touches.flat.clone()
     other[0, far] += 1.0
-    changed = Touches(touches.points, other.view_as(touches.features), touches.mask)
+    changed = TouchBatch(touches.points, other.view_as(touches.features), touches.mask)
     before, after = part(points, features, touches), part(points, features, changed)
     assert torch.equal(after[0, 0], before[0, 0])
     assert not torch.equal(after[0], before[0])
@@ -93,7 +93,9 @@ def test_a_point_hears_the_nearest_touched_points_alone():
 def test_touches_that_are_none_are_not_heard_whatever_they_are():
     part, (points, features, touches) = fusion(), world()
     nothing = ~touches.mask[:, :, None, None]
-    other = Touches(touches.points.masked_fill(nothing, 1e4), touches.features.masked_fill(nothing, 1e4), touches.mask)
+    other = TouchBatch(
+        touches.points.masked_fill(nothing, 1e4), touches.features.masked_fill(nothing, 1e4), touches.mask
+    )
     fused = part(points, features, other)
     torch.testing.assert_close(fused, part(points, features, touches))
     fused.square().sum().backward()

@@ -17,7 +17,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from pcsr import Fusion, Touches, Trait, Widths
+from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.tensors import Features, Points
@@ -54,7 +54,7 @@ class Anchored(Fusion):
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """The module's line; a visual point hears fewer where there are fewer."""
         felt, said, missing = self._thinned(touches)
         near = knn(
@@ -71,7 +71,7 @@ class Anchored(Fusion):
         added: Features = self.out(heard)
         return features + added
 
-    def _thinned(self, touches: Touches) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def _thinned(self, touches: TouchBatch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Every so manieth point of each touch along its Hilbert curve, its features, and whether it is missing."""
         m, c = touches.features.shape[2:]
         heard = min(self.heard, m)

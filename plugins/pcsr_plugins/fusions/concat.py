@@ -11,7 +11,7 @@ import torch
 from pydantic import Field
 from torch import nn
 
-from pcsr import Fusion, Touches, Trait, UserError, Widths
+from pcsr import Fusion, TouchBatch, Trait, UserError, Widths
 from pcsr.tensors import Features, Points
 from pcsr_plugins.fusions.pairing import pair
 
@@ -26,7 +26,7 @@ class Concat(Fusion):
         self.slots = touches
         self.layer = nn.Linear(widths.visual + touches * widths.touch, widths.visual)
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """Concatenate and mix.
 
         Raises:

@@ -17,7 +17,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from pcsr import Fusion, Touches, Trait, Widths
+from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
 from pcsr_plugins.fusions.pairing import met
@@ -35,7 +35,7 @@ class Iterative(Fusion):
         # A deconvolution that keeps the number of points: width 3 along the curve, stride 1.
         self.deconv = nn.ConvTranspose1d(2 * widths.visual, widths.visual, 3, padding=1)
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """Algorithm 1; a row of the batch skips the touches that it lacks.
 
         Both layers are linear in what is concatenated, so each is applied to the two parts: what the MLP makes of

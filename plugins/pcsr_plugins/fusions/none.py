@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr import Fusion, Touches, Trait, UserError, Widths
+from pcsr import Fusion, TouchBatch, Trait, UserError, Widths
 from pcsr.tensors import Features, Points, TouchMask, TouchPoints
 
 
@@ -23,7 +23,7 @@ class NoFusion(Fusion):
     def __init__(self, widths: Widths) -> None:
         super().__init__()
 
-    def forward(self, points: Points, features: Features, touches: Touches) -> Features:
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """Change nothing."""
         return features
 

@@ -9,12 +9,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr import Touches
+from pcsr import TouchBatch
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.tensors import Points
 
 
-def met(touches: Touches, n: int) -> Float[Tensor, "b a n c"]:
+def met(touches: TouchBatch, n: int) -> Float[Tensor, "b a n c"]:
     """For each touch, the feature of the touched point met at each of the n steps of a walk along a cloud's curve."""
     m = touches.points.shape[2]
     step = torch.arange(n, device=touches.points.device) * m // n
@@ -23,7 +23,7 @@ def met(touches: Touches, n: int) -> Float[Tensor, "b a n c"]:
     return touches.features.gather(2, index.unsqueeze(-1).expand(-1, -1, -1, touches.features.shape[-1]))
 
 
-def pair(points: Points, touches: Touches) -> Float[Tensor, "b a n c"]:
+def pair(points: Points, touches: TouchBatch) -> Float[Tensor, "b a n c"]:
     """The same for each visual point, in the order of `points`."""
     heard = met(touches, points.shape[1])
     place = hilbert_order(points).argsort(-1)  # (b n): how far along its curve each visual point lies
