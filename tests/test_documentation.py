@@ -63,7 +63,7 @@ def test_the_commands_work(tmp_path, monkeypatch, quick):
     write_points(Path("scan.ply"), cloud)
     write_points(Path("truth.ply"), cloud[::-1])
     trimesh.creation.icosphere(radius=50).export("ball.stl")
-    write(Path("touches"), [Touch.of_one_finger(cloud[:20], None, 1.0, "digit")])
+    write(Path("touches"), [Touch.single(cloud[:20], None, 1.0, "digit")])
     assert {line.split()[0] for line in COMMANDS} == {"upsample", "evaluate", "export"}
     for line in COMMANDS:
         result = CliRunner().invoke(pcsr, shlex.split(line))

@@ -82,7 +82,7 @@ def test_the_default_weights_listen_to_touches_of_every_form(default, tmp_path):
     touched = default.upsample(points, felt, rate=2)
     assert plain.shape == touched.shape == (600, 3)
     assert not np.array_equal(plain, touched)
-    records = [Touch.of_one_finger(touch, np.eye(4), 1.0, "digit") for touch in felt]
+    records = [Touch.single(touch, np.eye(4), 1.0, "digit") for touch in felt]
     write(tmp_path / "touches", records)
     for same in (records, tmp_path / "touches", str(tmp_path / "touches"), [torch.from_numpy(touch) for touch in felt]):
         np.testing.assert_array_equal(default.upsample(points, same, rate=2), touched)

@@ -34,7 +34,7 @@ class Touch:
     """Area of the contact in the planes of the gels, in square millimetres; None where nobody measured it."""
 
     @classmethod
-    def of_one_finger(
+    def single(
         cls,
         points: Float[np.ndarray, "m 3"],
         pose: Float[np.ndarray, "4 4"] | None,
@@ -47,7 +47,7 @@ class Touch:
         return cls(np.asarray(points, np.float64), np.zeros(len(points), np.int64), poses, unit, sensor, contact_area)
 
     @classmethod
-    def of_fingers(cls, fingers: Sequence["Touch"]) -> "Touch":
+    def grasp(cls, fingers: Sequence["Touch"]) -> "Touch":
         """Several fingers at once: a grasp. Their units must be one.
 
         Raises:

@@ -181,7 +181,7 @@ def _touch(folder: Path, recorded: Recorded, entry: Entry | GraspEntry, place: s
         fingers.append(_touch(folder, recorded, finger, inner))
     if len({len(finger.poses) for finger in fingers}) != 1:
         raise UserError(f"{MANIFEST}: {place}: some fingers have a pose and others none: give all of them one, or none")
-    touch = Touch.of_fingers(fingers)
+    touch = Touch.grasp(fingers)
     if len(touch.points) == 0:
         raise UserError(f"{MANIFEST}: {place}: none of its fingers felt anything")
     if entry.order is not None:
@@ -204,11 +204,11 @@ def _finger(folder: Path, recorded: Recorded, entry: Entry) -> Touch:
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
-        return Touch.of_one_finger(points, ours, recorded.object_unit, sensor, entry.contact_area)
+        return Touch.single(points, ours, recorded.object_unit, sensor, entry.contact_area)
     if ours is None:
         raise UserError("pose is missing: where the sensor was must be known to place what it saw; add it")
     felt, area = _seen(folder, entry)
-    return Touch.of_one_finger(transformed(ours, felt), ours, recorded.object_unit, sensor, area)
+    return Touch.single(transformed(ours, felt), ours, recorded.object_unit, sensor, area)
 
 
 def _in_object(

@@ -65,7 +65,7 @@ def _sound(subject: Subject, item: ShapeItem, number: int, touch: Touch) -> None
         raise subject.failure(
             f"touch {number} has {len(points)} points, and for {finger.shape} of them the fingers {np.unique(finger)}",
             f"for each point an index below {fingers}",
-            "use Touch.of_one_finger and Touch.of_fingers",
+            "use Touch.single and Touch.grasp",
         )
     radius = float(np.linalg.norm(item.mesh.vertices - item.mesh.vertices.mean(0), axis=1).max())
     away = float(np.median(point_to_surface(points, np.asarray(item.mesh.vertices), np.asarray(item.mesh.faces))))

@@ -108,7 +108,7 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     away = np.linalg.norm(surface[:, None] - points[None], axis=2).min(1)
     middle = surface[np.argsort(away)[-200]]  # of a gap: elsewhere the points of the scan are kept instead
     patch = surface[np.linalg.norm(surface - middle, axis=1).argsort()[:40]]
-    felt = [Touch.of_one_finger(patch, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
+    felt = [Touch.single(patch, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
     write(tmp_path / "touches", felt)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "--rate", 2)
@@ -206,7 +206,7 @@ def test_a_file_in_single_precision_stays_one(tmp_path):
 
 
 def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path):
-    write(tmp_path / "touches", [Touch.of_one_finger(read_points(scan)[:40], None, 1000.0, "digit")] * 2)
+    write(tmp_path / "touches", [Touch.single(read_points(scan)[:40], None, 1000.0, "digit")] * 2)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "-o", tmp_path / "out.ply", "--touch", tmp_path / "touches", "--model", "midpoint")
     done = run(*command, "--quiet")

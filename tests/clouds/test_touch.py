@@ -18,11 +18,11 @@ def square(x, side=10.0, count=512, scale=1.0, seed=0):
     points[:, 0] += x
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix() * scale
-    return Touch.of_one_finger(points * scale, pose, 1 / scale, "square", side**2)
+    return Touch.single(points * scale, pose, 1 / scale, "square", side**2)
 
 
 def felt(count, pose=None, unit=1.0, sensor="pad", area=None, seed=0):
-    return Touch.of_one_finger(np.random.default_rng(seed).normal(size=(count, 3)), pose, unit, sensor, area)
+    return Touch.single(np.random.default_rng(seed).normal(size=(count, 3)), pose, unit, sensor, area)
 
 
 def test_one_finger_feels_every_point():
@@ -32,14 +32,14 @@ def test_one_finger_feels_every_point():
     assert np.array_equal(touch.poses, [pose])
     assert felt(5).poses.shape == (0, 4, 4)
     assert felt(5).contact_area is None
-    single = Touch.of_one_finger(np.ones((2, 3), np.float32), None, 1.0, "pad")
+    single = Touch.single(np.ones((2, 3), np.float32), None, 1.0, "pad")
     assert single.points.dtype == np.float64
 
 
 def test_fingers_keep_their_points_and_poses():
     sizes = {3: "a", 2: "b", 4: "a"}
     fingers = [felt(n, np.eye(4) * n, 25.4, name, area=float(n), seed=n) for n, name in sizes.items()]
-    grasp = Touch.of_fingers(fingers)
+    grasp = Touch.grasp(fingers)
     assert list(grasp.finger) == [0, 0, 0, 1, 1, 2, 2, 2, 2]
     for index, finger in enumerate(fingers):
         assert np.array_equal(grasp.points[grasp.finger == index], finger.points)
@@ -48,14 +48,14 @@ def test_fingers_keep_their_points_and_poses():
 
 
 def test_grasps_join_to_a_larger_grasp():
-    pair = Touch.of_fingers([felt(2, np.eye(4), seed=1), felt(3, np.eye(4) * 2, seed=2)])
-    both = Touch.of_fingers([felt(1, np.eye(4) * 3), pair])
+    pair = Touch.grasp([felt(2, np.eye(4), seed=1), felt(3, np.eye(4) * 2, seed=2)])
+    both = Touch.grasp([felt(1, np.eye(4) * 3), pair])
     assert list(both.finger) == [0, 1, 1, 2, 2, 2]
     assert np.array_equal(both.poses[:, 0, 0], [3, 1, 2])
 
 
 def test_fingers_without_poses_or_areas_stay_apart():
-    grasp = Touch.of_fingers([felt(2, area=1.0), felt(3)])
+    grasp = Touch.grasp([felt(2, area=1.0), felt(3)])
     assert list(grasp.finger) == [0, 0, 1, 1, 1]
     assert grasp.poses.shape == (0, 4, 4)
     assert grasp.contact_area is None
@@ -64,12 +64,12 @@ def test_fingers_without_poses_or_areas_stay_apart():
 @pytest.mark.parametrize(("units", "shown"), [([], r"\[\]"), ([1.0, 1000.0], r"\[1.0, 1000.0\]")])
 def test_fingers_in_several_units_are_refused(units, shown):
     with pytest.raises(UserError, match=f"the fingers of a grasp need one unit, got {shown} mm"):
-        Touch.of_fingers([felt(2, unit=unit) for unit in units])
+        Touch.grasp([felt(2, unit=unit) for unit in units])
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 100))
 def test_thinned_draws_each_point_as_often_as_any_other(first, second, count):
-    grasp = Touch.of_fingers([felt(first, np.eye(4), seed=1), felt(second, np.eye(4), seed=2)])
+    grasp = Touch.grasp([felt(first, np.eye(4), seed=1), felt(second, np.eye(4), seed=2)])
     thin = grasp.thinned(count, np.random.default_rng(0))
     assert len(thin.points) == len(thin.finger) == count
     at = [np.flatnonzero((grasp.points == point).all(1)).item() for point in thin.points]

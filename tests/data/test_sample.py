@@ -23,9 +23,7 @@ class Corner(TouchSource):
     def touches(self, item, cloud, count, seed):
         self.asked.append((item.name, cloud, count, seed))
         order = np.linalg.norm(BALL.vertices - BALL.vertices[0], axis=1).argsort()
-        return [
-            Touch.of_one_finger(BALL.vertices[order[:size]], np.eye(4), 1.0, "corner") for size in self.sizes[:count]
-        ]
+        return [Touch.single(BALL.vertices[order[:size]], np.eye(4), 1.0, "corner") for size in self.sizes[:count]]
 
 
 def made(recipe, *overrides, touches=2, seed=0, item=ITEM, source=None):
@@ -164,7 +162,7 @@ def test_touches_of_nowhere_are_refused(recipe, wrong):
     class Elsewhere(Corner):
         def touches(self, item, cloud, count, seed):
             return [
-                Touch.of_one_finger(touch.points * wrong, np.eye(4), 1.0, "corner")
+                Touch.single(touch.points * wrong, np.eye(4), 1.0, "corner")
                 for touch in super().touches(item, cloud, count, seed)
             ]
 

@@ -127,7 +127,7 @@ def folder(tmp_path_factory):
     (path / "objects").mkdir()
     for name in ("ball", "other", "third"):
         trimesh.creation.icosphere(subdivisions=2, radius=50).export(path / "objects" / f"{name}.stl")
-    write(path / "touches", [Touch.of_one_finger(cloud[:20], None, 1.0, "digit")])
+    write(path / "touches", [Touch.single(cloud[:20], None, 1.0, "digit")])
     return path
 
 

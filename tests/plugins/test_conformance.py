@@ -22,7 +22,7 @@ def given(tmp_path_factory):
     for number in range(8):
         trimesh.creation.box([1, 2, 3 + number]).export(meshes / f"box-{number}.stl")
     vertices = np.asarray(egg().mesh.vertices)
-    write(recording, [Touch.of_one_finger(vertices[i : i + 9], None, 1.0, "digit") for i in range(5)])
+    write(recording, [Touch.single(vertices[i : i + 9], None, 1.0, "digit") for i in range(5)])
     return {
         ("shapes", "meshes"): {"folder": str(meshes)},
         ("touch", "recorded"): {"folder": str(recording)},

@@ -115,7 +115,7 @@ class Pats(TouchSource):
         vertices = np.asarray(item.mesh.vertices)
         middle = vertices[rng.integers(len(vertices))]
         near = np.linalg.norm(vertices - middle, axis=1).argsort()[: self.points]
-        return Touch.of_one_finger(vertices[near], np.eye(4), 1.0, "pat")
+        return Touch.single(vertices[near], np.eye(4), 1.0, "pat")
 
 
 class Boxes(ShapeSource):

@@ -60,7 +60,7 @@ def _touch(path: Path, number: str, options: Options) -> Touch:
     ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ turn(options.axes)
     felt = _contact(read_points(path), options, path)
     area = len(felt) * options.mm_per_pixel**2
-    return Touch.of_one_finger(transformed(ours, felt), ours, options.object_unit, options.sensor, area)
+    return Touch.single(transformed(ours, felt), ours, options.object_unit, options.sensor, area)
 
 
 def _contact(pixels: Float[np.ndarray, "n 3"], options: Options, path: Path) -> Float[np.ndarray, "m 3"]:

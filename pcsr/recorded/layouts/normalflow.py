@@ -73,7 +73,7 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
             felt, area = height_contact(face - height, options.mm_per_pixel, masks[index] != 0)
             pose = start @ motion @ moved_along_z(face) @ turn("+z")
             points = transformed(pose, felt)
-            yield name, Touch.of_one_finger(points, pose, options.object_unit, options.sensor, area)
+            yield name, Touch.single(points, pose, options.object_unit, options.sensor, area)
         except UserError as error:
             yield name, str(error)
 

@@ -64,4 +64,4 @@ def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
     rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
     pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ turn("+x") @ moved_along_z(-face)
-    return Touch.of_one_finger(felt, pose, METRE, "smith-2021")
+    return Touch.single(felt, pose, METRE, "smith-2021")

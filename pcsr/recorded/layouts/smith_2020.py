@@ -69,7 +69,7 @@ def joined(name: str, fingers: Callable[[], Sequence[Touch | None]], per: str) -
             yield f"{name}/{number}", touch or "this finger felt nothing"
         return
     touched = [touch for touch in felt if touch is not None]
-    yield name, Touch.of_fingers(touched) if touched else f"none of its {len(felt)} fingers felt anything"
+    yield name, Touch.grasp(touched) if touched else f"none of its {len(felt)} fingers felt anything"
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
@@ -156,7 +156,7 @@ def _finger(place: Any, angles: Any, success: Any, points: Any, name: str) -> To
     rigid[:3, :3] = Rotation.from_euler("xyz", numbers(angles, (3,), f"{name}: cam_rot")).as_matrix()
     rigid[:3, 3] = numbers(place, (3,), f"{name}: cam_pos") - LIFT
     pose = in_object(rigid, METRE, SCALE * METRE) @ turn("+x")
-    return Touch.of_one_finger((felt - LIFT) / SCALE, pose, SCALE * METRE, "smith-2020")
+    return Touch.single((felt - LIFT) / SCALE, pose, SCALE * METRE, "smith-2020")
 
 
 def _truth(value: Any, name: str) -> bool:

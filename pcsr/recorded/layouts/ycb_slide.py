@@ -93,7 +93,7 @@ def _touch(folder: Path, name: str, pose: Callable[[], Float[np.ndarray, "4 4"]]
     camera = Intrinsics(fx=focal, fy=focal, cx=columns / 2, cy=rows / 2)
     felt, area = depth_contact(FACE - heights * LEVEL, camera, FACE, contact)
     placed = in_object(pose(), METRE, METRE) @ moved_along_z(-FACE)
-    return Touch.of_one_finger(transformed(placed, felt), placed, METRE, "digit", area)
+    return Touch.single(transformed(placed, felt), placed, METRE, "digit", area)
 
 
 def _contact(folder: Path, name: str, heights: Float[np.ndarray, "h w"], options: Options) -> Bool[np.ndarray, "h w"]:

@@ -88,7 +88,7 @@ class Hand:
                 if len(contacts) == 1:
                     refused["with nothing to grasp on the other side"] += 1
                     continue
-            return Touch.of_fingers([self._feel(rays, one, rng) for one in contacts]).thinned(self.points, rng)
+            return Touch.grasp([self._feel(rays, one, rng) for one in contacts]).thinned(self.points, rng)
         return +refused
 
     def _enough(self, contact: Contact) -> bool:
@@ -103,4 +103,4 @@ class Hand:
         local = contact.points(self.noise.heights(contact.seen[..., 2], contact.mask, sensor.pitch, of_heights))
         # The pose is the one believed; the points are put where it says.
         pose = rays.to_object @ contact.pose @ self.noise.pose_error(of_pose)
-        return Touch.of_one_finger(local @ pose[:3, :3].T + pose[:3, 3], pose, rays.unit, sensor.name, contact.area)
+        return Touch.single(local @ pose[:3, :3].T + pose[:3, 3], pose, rays.unit, sensor.name, contact.area)

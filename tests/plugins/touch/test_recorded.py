@@ -14,7 +14,7 @@ CLOUD = np.zeros((1, 3))
 def patches(count, points=40):
     """Touches that differ: the x of all points of one is its number."""
     return [
-        Touch.of_one_finger(np.insert(np.random.default_rng(n).random((points, 2)), 0, n, axis=1), None, 2.0, "x")
+        Touch.single(np.insert(np.random.default_rng(n).random((points, 2)), 0, n, axis=1), None, 2.0, "x")
         for n in range(count)
     ]
 
