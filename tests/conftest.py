@@ -64,7 +64,7 @@ class Caps(TouchSource):
         vertices = item.mesh.vertices
         near = [vertices[np.linalg.norm(vertices - vertices[i], axis=1).argsort()[:12]] for i in range(count)]
         points = self.points + self.uneven * int(item.name[-1])
-        return [Touch.single(cap, np.eye(4), 1.0, "cap").thinned(points, rng) for cap in near]
+        return [Touch.single(cap, np.eye(4), 1.0, "cap").resampled(points, rng) for cap in near]
 
 
 @hookimpl

@@ -66,7 +66,7 @@ class Touch:
             contact_area=sum(areas) if len(areas) == len(fingers) else None,
         )
 
-    def thinned(self, count: int, rng: np.random.Generator) -> "Touch":
+    def resampled(self, count: int, rng: np.random.Generator) -> "Touch":
         """Exactly `count` of its points, drawn at random; where there are fewer, each is repeated equally often.
 
         Raises:

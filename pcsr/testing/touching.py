@@ -47,7 +47,7 @@ def touches(subject: Subject) -> None:
             raise subject.failure(
                 f"its touches have {sorted(sizes)} points",
                 "touches of one size, since a batch holds them in one tensor",
-                "draw equally many of each: Touch.thinned(count, rng)",
+                "draw equally many of each: Touch.resampled(count, rng)",
             )
 
 

@@ -70,7 +70,7 @@ def test_fingers_in_several_units_are_refused(units, shown):
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 100))
 def test_thinned_draws_each_point_as_often_as_any_other(first, second, count):
     grasp = Touch.grasp([felt(first, np.eye(4), seed=1), felt(second, np.eye(4), seed=2)])
-    thin = grasp.thinned(count, np.random.default_rng(0))
+    thin = grasp.resampled(count, np.random.default_rng(0))
     assert len(thin.points) == len(thin.finger) == count
     at = [np.flatnonzero((grasp.points == point).all(1)).item() for point in thin.points]
     assert np.array_equal(grasp.finger[at], thin.finger)
@@ -81,14 +81,14 @@ def test_thinned_draws_each_point_as_often_as_any_other(first, second, count):
 
 def test_thinned_is_random_and_repeatable():
     touch = felt(100)
-    one, same, other = (touch.thinned(10, np.random.default_rng(seed)).points for seed in (0, 0, 1))
+    one, same, other = (touch.resampled(10, np.random.default_rng(seed)).points for seed in (0, 0, 1))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
 
 
 def test_a_touch_of_nothing_cannot_be_thinned():
     with pytest.raises(UserError, match="a touch by 'pad' felt no points"):
-        felt(0).thinned(4, np.random.default_rng(0))
+        felt(0).resampled(4, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.001])

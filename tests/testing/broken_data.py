@@ -127,7 +127,7 @@ class NoUnit(Changed):
 
 class Uneven(Pats):
     def touch(self, item, rng):
-        return super().touch(item, rng).thinned(int(rng.integers(1, 1000)), rng)
+        return super().touch(item, rng).resampled(int(rng.integers(1, 1000)), rng)
 
 
 class RefusesAll(Pats):

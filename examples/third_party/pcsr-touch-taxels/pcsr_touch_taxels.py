@@ -106,7 +106,7 @@ class Taxels(TouchSource):
             pose = rays.to_object @ pose
             points = local @ pose[:3, :3].T + pose[:3, 3]
             area = float(self.area[pressed].sum())
-            return Touch.single(points, pose, rays.unit, "taxels", area).thinned(self.points, rng)
+            return Touch.single(points, pose, rays.unit, "taxels", area).resampled(self.points, rng)
         return None
 
 

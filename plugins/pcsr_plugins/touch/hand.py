@@ -88,7 +88,7 @@ class Hand:
                 if len(contacts) == 1:
                     refused["with nothing to grasp on the other side"] += 1
                     continue
-            return Touch.grasp([self._feel(rays, one, rng) for one in contacts]).thinned(self.points, rng)
+            return Touch.grasp([self._feel(rays, one, rng) for one in contacts]).resampled(self.points, rng)
         return +refused
 
     def _enough(self, contact: Contact) -> bool:

@@ -53,7 +53,7 @@ class Recorded(TouchSource):
             raise UserError(f"{item.name}: {count} touches are asked for, and {folder} holds {there} of use{left}")
         order = np.random.default_rng(seed).permutation(there)[:count]
         return [
-            recording.touches[index].thinned(self.points, np.random.default_rng((seed, number)))
+            recording.touches[index].resampled(self.points, np.random.default_rng((seed, number)))
             for number, index in enumerate(order)
         ]
 

@@ -47,7 +47,7 @@ def test_each_touch_is_thinned_by_its_own_stream(tmp_path):
     write(tmp_path, patches(3))
     for number, touch in enumerate(felt(tmp_path, 3, seed=4)):
         whole = patches(3)[int(touch.points[0, 0])]
-        expected = whole.thinned(16, np.random.default_rng((4, number)))
+        expected = whole.resampled(16, np.random.default_rng((4, number)))
         np.testing.assert_array_equal(touch.points, expected.points)
         assert (touch.unit, touch.sensor) == (2.0, "x")
     assert len(felt(tmp_path, 1, points=100)[0].points) == 100  # more than there are: some twice
