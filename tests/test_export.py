@@ -213,7 +213,7 @@ def test_a_fusion_that_joins_touches_goes_without_them_only(tiny, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("part", "touches"), [({"upsampler": {"use": "fan"}}, 0), ({"fusion": {"use": "anchored"}}, 1)]
+    ("part", "touches"), [({"upsampler": {"use": "edge-offsets"}}, 0), ({"fusion": {"use": "edge-conv"}}, 1)]
 )
 def test_a_network_whose_points_are_thinned_is_refused(tiny, tmp_path, part, touches):
     plain = tiny.recipe.resolved()

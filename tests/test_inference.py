@@ -80,7 +80,7 @@ def test_upsampling_imports_no_simulator(code, tmp_path):
     look = "import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr))\n"
     done = subprocess.run([sys.executable, "-c", look + code], cwd=tmp_path, capture_output=True, text=True, check=True)
     imported = done.stderr.split()
-    assert "pcsr_plugins.encoders.frames" in imported
+    assert "pcsr_plugins.encoders.local_frames" in imported
     assert [name for name in imported if name.startswith(SIMULATION)] == []
 
 

@@ -11,20 +11,20 @@ from pcsr import Register, hookimpl
 def pcsr_register(register: Register) -> None:
     """Register the parts of the paper, its baselines, and the embedded data."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
-    register.encoder("frames", "pcsr_plugins.encoders.frames:FrameEncoder")
+    register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
     register.encoder("mlp", "pcsr_plugins.encoders.mlp:Mlp")
     register.encoder("set-abstraction", "pcsr_plugins.encoders.set_abstraction:BallEncoder")
     register.encoder("unet", "pcsr_plugins.encoders.unet:UNet")
 
-    register.fusion("anchored", "pcsr_plugins.fusions.anchored:Anchored")
+    register.fusion("edge-conv", "pcsr_plugins.fusions.edge_conv:EdgeConvFusion")
     register.fusion("concat", "pcsr_plugins.fusions.concat:Concat")
-    register.fusion("inserted", "pcsr_plugins.fusions.inserted:Inserted")
+    register.fusion("joint-cloud", "pcsr_plugins.fusions.joint_cloud:JointCloud")
     register.fusion("iterative", "pcsr_plugins.fusions.iterative:Iterative")
     register.fusion("none", "pcsr_plugins.fusions.none:NoFusion")
 
     register.backbone("dense-edge-conv", "pcsr_plugins.backbones.dense_edge_conv:DenseEdgeConvs")
-    register.backbone("frames", "pcsr_plugins.backbones.frames:FrameBackbone")
+    register.backbone("local-frames", "pcsr_plugins.backbones.local_frames:LocalFrameBackbone")
     register.backbone("grad-pu", "pcsr_plugins.backbones.grad_pu:GradPU")
     register.backbone("pu-gcn", "pcsr_plugins.backbones.pu_gcn:PUGCN")
     register.backbone("pu-net", "pcsr_plugins.backbones.pu_net:PUNet")
@@ -33,7 +33,7 @@ def pcsr_register(register: Register) -> None:
     register.upsampler("branches", "pcsr_plugins.upsamplers.branches:Branches")
     register.upsampler("descent", "pcsr_plugins.upsamplers.descent:Descent")
     register.upsampler("dis-pu", "pcsr_plugins.upsamplers.dis_pu:DisPU")
-    register.upsampler("fan", "pcsr_plugins.upsamplers.fan:Fan")
+    register.upsampler("edge-offsets", "pcsr_plugins.upsamplers.edge_offsets:EdgeOffsets")
     register.upsampler("midpoint", "pcsr_plugins.upsamplers.midpoint:Midpoint")
     register.upsampler("node-shuffle", "pcsr_plugins.upsamplers.node_shuffle:NodeShuffle")
     register.upsampler("progressive", "pcsr_plugins.upsamplers.progressive:Progressive")

@@ -339,12 +339,12 @@ def test_clouds_are_drawn_anew_where_that_is_what_they_are(recipe, tmp_path, mon
     assert {"redraw" in augment for augment in seen} == {redrawn}
 
 
-@pytest.mark.parametrize("upsampler", ["shuffle", "{use: fan, hidden: 8}"])
+@pytest.mark.parametrize("upsampler", ["shuffle", "{use: edge-offsets, hidden: 8}"])
 def test_training_with_anchors_stops_and_resumes_alike(tmp_path, upsampler):
-    path = tmp_path / "anchored.yaml"
+    path = tmp_path / "edge-conv.yaml"
     path.write_text(TINY)
     changes = [
-        "model.fusion={use: anchored, hidden: 8}",
+        "model.fusion={use: edge-conv, hidden: 8}",
         f"model.upsampler={upsampler}",
         "train.augment=[redraw, crop]",
     ]

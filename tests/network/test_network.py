@@ -161,8 +161,8 @@ def test_a_touch_encoder_that_nobody_hears_is_refused():
 
 # --- touched points in the place of what the network made around them
 
-FAN = ("model.upsampler={use: fan, hidden: 8}",)
-ANCHORED = ("model.fusion={use: anchored, hidden: 8}", *FAN)
+FAN = ("model.upsampler={use: edge-offsets, hidden: 8}",)
+ANCHORED = ("model.fusion={use: edge-conv, hidden: 8}", *FAN)
 COUNT = RATE * N
 
 
@@ -180,7 +180,7 @@ def rows_of(cloud):
     return {tuple(point) for point in cloud.tolist()}
 
 
-INSERTED = ("model.fusion=inserted", "model.touch_encoder=null", *FAN)
+INSERTED = ("model.fusion=joint-cloud", "model.touch_encoder=null", *FAN)
 
 
 @pytest.mark.parametrize(
@@ -359,7 +359,7 @@ def test_two_passes_share_a_rate_near_its_root(rate, first):
 @torch.no_grad()
 def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(clouds):
     points, touches = clouds
-    net = network("model.fusion=inserted", "model.touch_encoder=null", "model.upsampler=fan")
+    net = network("model.fusion=joint-cloud", "model.touch_encoder=null", "model.upsampler=edge-offsets")
     assert net.upsampler.max_rate_per_pass == 8
     assert torch.equal(net(points, 16), net(net(points, 4), 4))
     assert torch.equal(net(points, 8), net.stages(points, 8)[-1])

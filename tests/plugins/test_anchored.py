@@ -1,4 +1,4 @@
-"""`anchored`: each visual point hears the touched points nearest to it, whoever else there is."""
+"""`edge-conv`: each visual point hears the touched points nearest to it, whoever else there is."""
 
 import pytest
 import torch
@@ -8,7 +8,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Fusion, TouchBatch, Trait, Widths
-from pcsr_plugins.fusions.anchored import Anchored
+from pcsr_plugins.fusions.edge_conv import EdgeConvFusion
 
 WIDTHS = Widths(visual=6, touch=4)
 N = 15
@@ -18,7 +18,7 @@ def made(seed=0, **options):
     """One that has learned something: as it is built, nothing is added."""
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        fusion = Anchored(WIDTHS, hidden=10, **options)
+        fusion = EdgeConvFusion(WIDTHS, hidden=10, **options)
         nn.init.normal_(fusion.out.weight)
     return fusion
 
@@ -55,15 +55,15 @@ def slowly(fusion, points, features, touches):
 
 
 def test_it_claims_what_the_host_acts_on():
-    assert Anchored.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
-    assert Anchored.keeps_touched_points
-    assert Anchored.uses_touch_features
+    assert EdgeConvFusion.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
+    assert EdgeConvFusion.keeps_touched_points
+    assert EdgeConvFusion.uses_touch_features
     assert not Fusion.keeps_touched_points
 
 
 def test_as_it_is_built_it_adds_nothing():
     points, features, touches = given_clouds()
-    assert torch.equal(Anchored(WIDTHS)(points, features, touches), features)
+    assert torch.equal(EdgeConvFusion(WIDTHS)(points, features, touches), features)
 
 
 @given(seed=st.integers(0, 100), neighbours=st.integers(1, 12))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from torch.nn import functional as F
 
 from pcsr import Widths
-from pcsr_plugins.layers.frames import Frames
-from pcsr_plugins.upsamplers.fan import Fan
+from pcsr_plugins.layers.local_frames import LocalFrames
+from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import curved, grid, rotation, slow_around
 
 SEEDS = st.integers(0, 1000)
@@ -20,7 +20,7 @@ SEEDS = st.integers(0, 1000)
 @pytest.mark.parametrize("flat", [True, False])
 def test_around_is_what_it_is_angle_by_angle(n, neighbours, spokes, flat):
     points = curved(2, n) * torch.tensor([1.0, 1.0, 0.0 if flat else 1.0])
-    frames = Frames.of(points, neighbours)
+    frames = LocalFrames.of(points, neighbours)
     around = frames.around(spokes)
     assert around.shape == (2, n, min(spokes, neighbours, n - 1))
     for columns, ways, normal in zip(
@@ -32,7 +32,7 @@ def test_around_is_what_it_is_angle_by_angle(n, neighbours, spokes, flat):
 @given(seed=SEEDS, neighbours=st.integers(1, 30), spokes=st.integers(1, 12))
 @settings(max_examples=30)
 def test_each_way_is_the_nearest_within_its_angle_or_nobody_is(seed, neighbours, spokes):
-    frames = Frames.of(curved(seed, 40), neighbours)
+    frames = LocalFrames.of(curved(seed, 40), neighbours)
     around = frames.around(spokes)
     spokes = around.shape[2]
     height = (frames.ways * frames.normal.unsqueeze(2)).sum(-1)
@@ -60,7 +60,7 @@ def test_each_way_is_the_nearest_within_its_angle_or_nobody_is(seed, neighbours,
 def test_around_does_not_depend_on_turns_and_scale(seed, scale):
     points = curved(seed)
     turned = scale * points @ rotation(seed, torch.float64)
-    assert torch.equal(Frames.of(turned, 16).around(8), Frames.of(points, 16).around(8))
+    assert torch.equal(LocalFrames.of(turned, 16).around(8), LocalFrames.of(points, 16).around(8))
 
 
 @given(seed=SEEDS)
@@ -68,7 +68,7 @@ def test_around_does_not_depend_on_turns_and_scale(seed, scale):
 def test_on_a_plane_away_from_its_border_the_same_ones_lie_around_whichever_side_is_up(seed):
     points, step, inside = grid(), 1.2 / 11, slice(2, -2)
     shift = 0.08 * step * (2 * torch.rand(144, 2, generator=torch.Generator().manual_seed(seed)) - 1)
-    frames = Frames.of((points + F.pad(shift, (0, 1))) @ rotation(seed, torch.float64), 16)
+    frames = LocalFrames.of((points + F.pad(shift, (0, 1))) @ rotation(seed, torch.float64), 16)
     one, other = (f.around(8).sort(-1).values.view(12, 12, 8) for f in (frames, replace(frames, normal=-frames.normal)))
     assert torch.equal(one[inside, inside], other[inside, inside])
     assert (one.diff(dim=-1)[inside, inside] > 0).all(), "there is somebody at each angle"
@@ -79,7 +79,7 @@ def test_on_a_plane_away_from_its_border_the_same_ones_lie_around_whichever_side
 def test_at_least_half_of_the_ways_are_different_ones_even_on_a_line_or_at_a_border(seed, dimensions, spokes):
     points = curved(seed, 40)
     points[..., dimensions:] = 0
-    for columns in Frames.of(points, 16).around(spokes).flatten(0, 1).tolist():
+    for columns in LocalFrames.of(points, 16).around(spokes).flatten(0, 1).tolist():
         assert 2 * len(set(columns)) >= len(columns)
 
 
@@ -92,11 +92,13 @@ def test_a_way_leads_across_a_gap_where_all_of_the_nearest_lie_on_this_side(seed
     hole = (flat[:, 0] == 0) & (flat[:, 1].abs() < 3)
     points = flat[~hole] @ rotation(seed, torch.float64)
     before = (flat[~hole] - torch.tensor([-1.05, 0, 0])).norm(dim=1).argmin()
-    frames = Frames.of(points[None], 16)
+    frames = LocalFrames.of(points[None], 16)
     side = flat[~hole][frames.near[0, before], 0]
     assert (side[:8] < 0).all(), "the eight nearest do not lead across"
     assert (side[frames.around(8)[0, before]] > 0).any()
-    dense = Fan(Widths(refined=5)).double()(points[None], torch.zeros(1, len(points), 5, dtype=torch.float64), 4)
+    dense = EdgeOffsets(Widths(refined=5)).double()(
+        points[None], torch.zeros(1, len(points), 5, dtype=torch.float64), 4
+    )
     middle = torch.zeros(3, dtype=torch.float64)
     assert (dense[0] - middle).norm(dim=1).min() < 0.2 < 1 < (points - middle).norm(dim=1).min()
 
@@ -107,6 +109,6 @@ def test_what_is_high_above_the_plane_is_not_around_where_another_is_at_that_ang
     step = 0.2
     above = middle + torch.tensor([0.7 * step, 0, 0.5 * step])
     points = torch.cat([sheet, above[None, None]], 1)
-    frames = Frames.of(points, 24)
+    frames = LocalFrames.of(points, 24)
     assert frames.near[0, 24, 0] == 49, "it is the nearest of all"
     assert 49 not in frames.near[0, 24, frames.around(8)[0, 24]]

@@ -1,4 +1,4 @@
-"""`fan`: places on the ways to points around each, enough at any rate; what is learned moves them up and back."""
+"""`edge-offsets`: places on the ways to points around each, enough at any rate; what is learned moves them up and back."""
 
 import pytest
 import torch
@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from torch import nn
 
 from pcsr import Trait, UserError, Widths
-from pcsr_plugins.layers.frames import Frames
-from pcsr_plugins.upsamplers.fan import FARTHEST, Fan
+from pcsr_plugins.layers.local_frames import LocalFrames
+from pcsr_plugins.upsamplers.edge_offsets import FARTHEST, EdgeOffsets
 from tests.plugins.slow_frames import rotation, slow_around, slow_edge, slow_frame
 
 CHANNELS = 5
@@ -23,7 +23,7 @@ def cloud(seed=0, n=30, rows=2):
 
 
 def untrained(**options):
-    return Fan(WIDTHS, **options).double()
+    return EdgeOffsets(WIDTHS, **options).double()
 
 
 def trained(seed=0, std=0.1, **options):
@@ -97,7 +97,7 @@ def test_at_any_rate_there_are_at_least_as_many_as_wanted_and_not_many_more(n, r
     assert dense.shape[0] == 2
     assert dense.shape[1] >= (1 + surplus * rate) * n
     assert dense.shape[1] < (1 + surplus * rate + spokes) * n
-    assert Trait.ANY_RATE in Fan.traits
+    assert Trait.ANY_RATE in EdgeOffsets.traits
 
 
 @given(seed=st.integers(0, 1000), scale=st.floats(0.1, 10), rate=st.integers(1, 9))
@@ -141,7 +141,7 @@ def test_what_is_learned_moves_places_along_way_and_normal_and_the_points_not_at
     moved = (fan(points, features, rate) - untrained()(points, features, rate)).view(2, 30, -1, 3)
     assert moved[:, :, 0].abs().max() == 0
     assert moved.norm(dim=-1).max() > 1e-3
-    frames = Frames.of(points, fan.neighbours)
+    frames = LocalFrames.of(points, fan.neighbours)
     j = frames.near.gather(2, frames.around(fan.spokes))  # (2 30 spokes)
     ends = torch.stack([normal[columns] for normal, columns in zip(frames.normal, j, strict=True)])
     share = FARTHEST * torch.arange(1, 1 + moved.shape[2] // j.shape[2], dtype=points.dtype).view(-1, 1, 1)

@@ -13,11 +13,11 @@ from pcsr import Trait, UserError, Widths
 from pcsr.network.network import Network, build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr_plugins.backbones.frames import FrameBackbone
-from pcsr_plugins.encoders.frames import FrameEncoder
-from pcsr_plugins.layers.frame_conv import FrameConv
-from pcsr_plugins.layers.frames import LEAST, SCALARS, Frames, plane
-from pcsr_plugins.upsamplers.fan import Fan
+from pcsr_plugins.backbones.local_frames import LocalFrameBackbone
+from pcsr_plugins.encoders.local_frames import LocalFrameEncoder
+from pcsr_plugins.layers.local_frame_conv import LocalFrameConv
+from pcsr_plugins.layers.local_frames import LEAST, SCALARS, LocalFrames, plane
+from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import curved, grid, rotation, slow_edge, slow_frame
 
 RECIPE = Path(__file__).parents[2] / "recipes" / "frames.yaml"
@@ -62,7 +62,7 @@ def test_the_network_moves_turns_and_scales_with_its_cloud(seed, scale):
 def untrained(net):
     """The same network with the upsampler as it is built."""
     return Network(
-        net.encoder, None, net.fusion, net.backbone, Fan(Widths(refined=net.backbone.channels)).double()
+        net.encoder, None, net.fusion, net.backbone, EdgeOffsets(Widths(refined=net.backbone.channels)).double()
     ).train()
 
 
@@ -108,7 +108,7 @@ def test_where_the_neighbourhood_is_flat_nothing_moves_whatever_is_rough_elsewhe
     left = points[0, :, 0]
     points[..., 2] = torch.where(left > 0, 0.02 * torch.randn(len(left), dtype=torch.float64), 0)
     flat = left < -0.3
-    fan = Fan(Widths(refined=5), neighbours=8).double()
+    fan = EdgeOffsets(Widths(refined=5), neighbours=8).double()
     features = torch.randn(1, points.shape[1], 5, dtype=torch.float64)
     still = fan(points, features, RATE)
     nn.init.normal_(fan.mlp[-1].weight, std=100.0)
@@ -123,7 +123,7 @@ def test_where_the_neighbourhood_is_flat_nothing_moves_whatever_is_rough_elsewhe
 @pytest.mark.parametrize(("n", "neighbours"), [(25, 6), (25, 16), (5, 16)])
 def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
     points = curved(1, n)
-    frames = Frames.of(points, neighbours)
+    frames = LocalFrames.of(points, neighbours)
     edges = frames.edges()
     k = min(neighbours, n - 1)
     assert edges.shape == (2, n, k, SCALARS)
@@ -141,7 +141,7 @@ def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
 @pytest.mark.parametrize(("neighbours", "degrees"), [(8, 2.6), (16, 2.1)])
 def test_the_normal_of_a_sphere_is_its_radius_and_points_to_where_most_of_it_lies(neighbours, degrees):
     sphere = F.normalize(torch.randn(1, 2000, 3), dim=2)
-    inward = -(Frames.of(sphere, neighbours).normal * sphere).sum(-1)
+    inward = -(LocalFrames.of(sphere, neighbours).normal * sphere).sum(-1)
     off = inward.abs().clamp(max=1).acos().rad2deg().flatten()
     assert off.quantile(0.9) < degrees
     assert off.max() < 10
@@ -157,20 +157,20 @@ def test_the_normal_of_a_plane_is_exact():
 
 def test_an_edge_between_very_different_spacings_is_bounded():
     points = torch.cat([1e-5 * torch.randn(1, 20, 3), torch.randn(1, 20, 3)], 1)
-    told = Frames.of(points, 25).edges()[..., 4]
+    told = LocalFrames.of(points, 25).edges()[..., 4]
     assert told.abs().max() == 3
 
 
 @pytest.mark.parametrize("points", [torch.zeros(1, 20, 3), torch.ones(1, 2, 3), torch.arange(60.0).view(1, 20, 3)])
 def test_points_that_coincide_or_lie_on_a_line_have_frames(points):
-    frames = Frames.of(points, 16)
+    frames = LocalFrames.of(points, 16)
     assert (frames.unit >= LEAST).all()
     assert frames.edges().isfinite().all()
     close(frames.normal.norm(dim=-1), torch.ones(points.shape[:2]), 1e-5)
 
 
 def test_frames_have_no_gradient():
-    assert not Frames.of(curved().requires_grad_(), 8).edges().requires_grad
+    assert not LocalFrames.of(curved().requires_grad_(), 8).edges().requires_grad
 
 
 # --- the convolution, the encoder, the backbone
@@ -178,7 +178,7 @@ def test_frames_have_no_gradient():
 
 def test_a_convolution_is_its_formula_edge_by_edge():
     points, features = curved(2, 20), torch.randn(2, 20, 3, dtype=torch.float64)
-    conv, frames = FrameConv(3, 7).double(), Frames.of(points, 6)
+    conv, frames = LocalFrameConv(3, 7).double(), LocalFrames.of(points, 6)
     edges, convolved = frames.edges(), conv(features, frames, frames.edges())
     assert convolved.shape == (2, 20, 7)
     for b in range(2):
@@ -193,10 +193,10 @@ def test_a_convolution_is_its_formula_edge_by_edge():
 
 def test_gradients_reach_every_weight_and_the_features():
     points, features = curved(), torch.randn(2, 60, 8, dtype=torch.float64, requires_grad=True)
-    backbone = FrameBackbone(Widths(visual=8), layers=2).double()
+    backbone = LocalFrameBackbone(Widths(visual=8), layers=2).double()
     backbone(points, features).square().sum().backward()
     assert (features.grad != 0).any(2).all()
-    encoder = FrameEncoder(Widths()).double()
+    encoder = LocalFrameEncoder(Widths()).double()
     encoder(points).square().sum().backward()
     for weight in (*backbone.parameters(), *encoder.parameters()):
         assert weight.grad.isfinite().all()
@@ -207,8 +207,8 @@ def test_gradients_reach_every_weight_and_the_features():
 @torch.no_grad()
 def test_the_backbone_adds_to_the_features(layers):
     points, features = curved(), torch.randn(2, 60, 8, dtype=torch.float64)
-    backbone = FrameBackbone(Widths(visual=8), layers=layers).double()
-    frames = Frames.of(points, backbone.neighbours)
+    backbone = LocalFrameBackbone(Widths(visual=8), layers=layers).double()
+    frames = LocalFrames.of(points, backbone.neighbours)
     expected = features
     for norm, conv, mlp in zip(backbone.norms, backbone.convolutions, backbone.mlps, strict=True):
         expected = expected + mlp(conv(norm(expected), frames, frames.edges()))
@@ -220,7 +220,7 @@ def test_the_backbone_adds_to_the_features(layers):
 @torch.no_grad()
 def test_only_what_is_near_is_heard():
     here, there = curved(0, 30), curved(1, 30)
-    encoder, backbone = FrameEncoder(Widths(), channels=8).double(), FrameBackbone(Widths(visual=8)).double()
+    encoder, backbone = LocalFrameEncoder(Widths(), channels=8).double(), LocalFrameBackbone(Widths(visual=8)).double()
 
     def refined(points):
         return backbone(points, encoder(points))
@@ -232,7 +232,7 @@ def test_only_what_is_near_is_heard():
 
 
 def test_channels_are_those_asked_for_and_traits_as_claimed():
-    encoder, backbone = FrameEncoder(Widths(), channels=24), FrameBackbone(Widths(visual=24))
+    encoder, backbone = LocalFrameEncoder(Widths(), channels=24), LocalFrameBackbone(Widths(visual=24))
     assert encoder(curved().float()).shape == (2, 60, 24)
     assert encoder.channels == backbone.channels == 24
     assert encoder.traits == backbone.traits == {Trait.PERMUTATION_EQUIVARIANT}
@@ -240,4 +240,4 @@ def test_channels_are_those_asked_for_and_traits_as_claimed():
 
 def test_a_single_point_has_no_neighbourhood():
     with pytest.raises(UserError, match="2 neighbours were asked of 1 points"):
-        Frames.of(torch.zeros(1, 1, 3), 16)
+        LocalFrames.of(torch.zeros(1, 1, 3), 16)

@@ -18,7 +18,7 @@ from pcsr_plugins.backbones.grad_pu import GradPU
 from pcsr_plugins.encoders.mlp import Mlp
 from pcsr_plugins.foreign.grad_pu import convert
 from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.layers.normed import Normed, PointNorm
+from pcsr_plugins.layers.linear_norm_relu import LinearNormReLU, PointNorm
 from pcsr_plugins.objectives.grad_pu import GradPU as Objective
 from pcsr_plugins.upsamplers.descent import STEP, Descent
 from pcsr_plugins.upsamplers.shuffle import Shuffle
@@ -236,7 +236,7 @@ def test_the_norm_is_a_batch_norm_over_all_but_the_channels(shape, training):
 @pytest.mark.parametrize("shape", [(3, 7), (2, 5, 4, 7)])
 @pytest.mark.parametrize("training", [False, True])
 def test_the_norm_is_part_of_the_linear_layer_where_it_may_be(shape, training):
-    layer, x = lively(Normed(7, 5)).train(training), torch.randn(shape)
+    layer, x = lively(LinearNormReLU(7, 5)).train(training), torch.randn(shape)
     linear, norm, found = layer.linear, layer.norm, layer(x)
     expected = nn.functional.batch_norm(
         linear(x).reshape(-1, 5),

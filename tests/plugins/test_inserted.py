@@ -1,4 +1,4 @@
-"""`inserted`: a few points of each touch join the cloud, and all touched points are in the result."""
+"""`joint-cloud`: a few points of each touch join the cloud, and all touched points are in the result."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from pcsr.geometry.ordering import hilbert_order
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr_plugins.fusions.inserted import Inserted
+from pcsr_plugins.fusions.joint_cloud import JointCloud
 from pcsr_plugins.fusions.none import NoFusion
 
 WIDTHS = Widths(visual=6, touch=3)
@@ -30,11 +30,11 @@ def rows_of(cloud):
 
 
 def test_it_claims_what_the_host_acts_on_and_has_no_weights():
-    fusion = Inserted(WIDTHS)
-    assert Inserted.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
-    assert Inserted.keeps_touched_points
+    fusion = JointCloud(WIDTHS)
+    assert JointCloud.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
+    assert JointCloud.keeps_touched_points
     assert not NoFusion.keeps_touched_points
-    assert not Inserted.uses_touch_features
+    assert not JointCloud.uses_touch_features
     assert not list(fusion.parameters())
     points, touches = given_clouds()
     features = torch.randn(2, N, 6)
@@ -44,7 +44,7 @@ def test_it_claims_what_the_host_acts_on_and_has_no_weights():
 @given(seed=st.integers(0, 1000), m=st.integers(1, 30), some=st.integers(0, 40))
 def test_every_so_manieth_point_of_each_touch_joins_behind_the_cloud(seed, m, some):
     points, touches = given_clouds(seed, points=m)
-    joined = Inserted(WIDTHS, points=some).join(points, touches, ALL)
+    joined = JointCloud(WIDTHS, points=some).join(points, touches, ALL)
     kept = min(some, m)
     assert joined.shape == (2, N + 3 * kept, 3)
     assert torch.equal(joined[:, :N], points)
@@ -61,7 +61,7 @@ def test_neither_the_order_of_touches_nor_that_of_their_points_decides_who_joins
     points, touches = given_clouds(seed)
     random = torch.Generator().manual_seed(seed)
     a, m = torch.randperm(3, generator=random), torch.randperm(20, generator=random)
-    fusion = Inserted(WIDTHS, points=some)
+    fusion = JointCloud(WIDTHS, points=some)
     one, other = fusion.join(points, touches, ALL), fusion.join(points, touches[:, a][:, :, m], ALL)
     assert [rows_of(row) for row in one] == [rows_of(row) for row in other]
 
@@ -69,19 +69,19 @@ def test_neither_the_order_of_touches_nor_that_of_their_points_decides_who_joins
 def test_of_a_dense_touch_points_spread_over_it_join():
     line = torch.zeros(1, 1, 800, 3)
     line[..., 0] = torch.linspace(0, 1, 800)
-    joined = Inserted(WIDTHS, points=8).join(torch.zeros(1, 1, 3), line, torch.ones(1, 1).bool())[0, 1:]
+    joined = JointCloud(WIDTHS, points=8).join(torch.zeros(1, 1, 3), line, torch.ones(1, 1).bool())[0, 1:]
     assert (line[0, 0, :, :1] - joined[:, 0]).abs().amin(1).max() < 0.15
 
 
 def test_missing_touches_do_not_join_and_rows_may_miss_different_ones():
     points, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [False, True, True]])
-    joined = Inserted(WIDTHS).join(points, touches, mask)
+    joined = JointCloud(WIDTHS).join(points, touches, mask)
     for row, felt, there in zip(joined[:, N:], touches, mask, strict=True):
         assert rows_of(row) == rows_of(felt[there].flatten(0, 1))
 
 
-@pytest.mark.parametrize(("fusion", "name"), [(Inserted(WIDTHS), "inserted"), (NoFusion(WIDTHS), "none")])
+@pytest.mark.parametrize(("fusion", "name"), [(JointCloud(WIDTHS), "joint-cloud"), (NoFusion(WIDTHS), "none")])
 def test_rows_of_different_numbers_of_touches_are_refused_by_name(fusion, name):
     points, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [False, True, False]])
@@ -91,7 +91,7 @@ def test_rows_of_different_numbers_of_touches_are_refused_by_name(fusion, name):
 
 def test_without_touches_the_cloud_stays_as_it_is():
     points, touches = given_clouds()
-    fusion = Inserted(WIDTHS)
+    fusion = JointCloud(WIDTHS)
     assert torch.equal(fusion.join(points, touches[:, :0], ALL[:, :0]), points)
     assert torch.equal(fusion.join(points, touches, ~ALL), points)
 
@@ -99,12 +99,12 @@ def test_without_touches_the_cloud_stays_as_it_is():
 @pytest.mark.parametrize("count", [0, 3])
 def test_touches_of_no_points_are_left_out(count):
     points, touches = given_clouds(touches=count, points=0)
-    assert torch.equal(Inserted(WIDTHS).join(points, touches, ALL[:, :count]), points)
+    assert torch.equal(JointCloud(WIDTHS).join(points, touches, ALL[:, :count]), points)
 
 
 def test_in_use_nobody_joins():
     points, touches = given_clouds()
-    assert Inserted(WIDTHS).eval().join(points, touches, ALL) is points
+    assert JointCloud(WIDTHS).eval().join(points, touches, ALL) is points
 
 
 # --- in a network

@@ -19,7 +19,7 @@ from pcsr_plugins.fusions.iterative import Iterative
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.fusions.pairing import pair
 from pcsr_plugins.objectives.chamfer import Chamfer
-from pcsr_plugins.upsamplers.shuffle import Shuffle, fan
+from pcsr_plugins.upsamplers.shuffle import Shuffle, neighbour_offsets
 from tests.plugins.plain import plain
 
 WIDTHS = Widths(visual=8, touch=4, refined=12, rate=3)
@@ -349,7 +349,7 @@ def test_shuffle_can_start_at_the_input_points():
 def test_shuffle_can_start_on_the_ways_to_the_neighbours():
     widths, points, features = Widths(refined=32, rate=16), torch.randn(2, 30, 3), torch.randn(2, 30, 32)
     shuffle = Shuffle(widths, start="neighbours")
-    places, spacing = fan(points, 16)
+    places, spacing = neighbour_offsets(points, 16)
     close(shuffle(points, features, 16), places, 1e-6)  # untrained it is the fan itself
     with torch.no_grad():
         shuffle.mlp[2].bias.fill_(0.5)
@@ -360,7 +360,7 @@ def test_shuffle_can_start_on_the_ways_to_the_neighbours():
 @pytest.mark.parametrize("rate", [1, 4, 8, 12, 16])
 def test_a_fan_reaches_out_to_the_nearest_neighbours(rate):
     points = torch.randn(1, 40, 3).double()
-    places, spacing = fan(points, rate)
+    places, spacing = neighbour_offsets(points, rate)
     places = places.view(40, rate, 3)
     spokes, rings = min(8, rate), -(-rate // min(8, rate))
     for i in range(40):

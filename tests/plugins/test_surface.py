@@ -10,10 +10,10 @@ from pcsr import UserError, Widths
 from pcsr.geometry.farthest import farthest_points
 from pcsr.metrics.chamfer import chamfer
 from pcsr.metrics.nearest import nearest_squared
-from pcsr_plugins.encoders.frames import FrameEncoder
+from pcsr_plugins.encoders.local_frames import LocalFrameEncoder
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.objectives.surface import AROUND, Surface, planes
-from pcsr_plugins.upsamplers.fan import Fan
+from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import rotation
 
 SURFACE, STRAY = 2.0, 10.0
@@ -156,9 +156,9 @@ class Plain(torch.nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.encoder = FrameEncoder(Widths(), channels=16)
+        self.encoder = LocalFrameEncoder(Widths(), channels=16)
         self.fusion = NoFusion(Widths())
-        self.upsampler = Fan(Widths(refined=16), hidden=32)
+        self.upsampler = EdgeOffsets(Widths(refined=16), hidden=32)
 
     def forward(self, points, rate):
         return self.upsampler(points, self.encoder(points), rate)

@@ -80,7 +80,7 @@ def test_a_part_that_computes_outside_of_torch_is_not_exported():
 
 
 def test_a_batch_norm_ties_rows_in_training_alone():
-    class Normed(Refine):
+    class LinearNormReLU(Refine):
         def __init__(self, widths) -> None:
             super().__init__(widths)
             self.norm = nn.BatchNorm1d(7)
@@ -89,7 +89,7 @@ def test_a_batch_norm_ties_rows_in_training_alone():
             made = super().forward(points, features)
             return self.norm(made.flatten(0, 1)).view(made.shape)
 
-    assert [one for one in check_part(Normed) if one.result == "failed"] == []
+    assert [one for one in check_part(LinearNormReLU) if one.result == "failed"] == []
 
 
 def test_a_layer_that_starts_at_zero_hides_nothing():

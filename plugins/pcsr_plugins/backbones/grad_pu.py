@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from pcsr import Backbone, Trait, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Features, Neighbours, Points
-from pcsr_plugins.layers.normed import Normed
+from pcsr_plugins.layers.linear_norm_relu import LinearNormReLU
 from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
 Ways = Float[Tensor, "b n k 3"]
@@ -61,7 +61,7 @@ class DenseBlock(nn.Module):
     def __init__(self, c_in: int, width: int, layers: int, growth: int, bottleneck: int) -> None:
         super().__init__()
         self.layers = nn.ModuleList(DenseLayer(c_in + step * growth, growth, bottleneck) for step in range(layers))
-        self.transition = Normed(c_in + layers * growth, width)
+        self.transition = LinearNormReLU(c_in + layers * growth, width)
 
     def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n width"]:
         """The block's map."""
@@ -76,7 +76,7 @@ class DenseLayer(nn.Module):
 
     def __init__(self, c_in: int, growth: int, bottleneck: int) -> None:
         super().__init__()
-        self.bottleneck = Normed(c_in, bottleneck)
+        self.bottleneck = LinearNormReLU(c_in, bottleneck)
         self.convolution = PointConvolution(bottleneck, growth)
 
     def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n growth"]:
@@ -90,9 +90,9 @@ class PointConvolution(nn.Module):
 
     def __init__(self, c_in: int, c_out: int) -> None:
         super().__init__()
-        self.way = Normed(3, c_out)
-        self.feature = Normed(c_in, c_out)
-        self.post = Normed(c_out, c_out)
+        self.way = LinearNormReLU(3, c_out)
+        self.feature = LinearNormReLU(c_in, c_out)
+        self.post = LinearNormReLU(c_out, c_out)
 
     def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n growth"]:
         """Convolve over the neighbourhoods."""

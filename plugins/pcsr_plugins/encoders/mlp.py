@@ -11,7 +11,7 @@ from torch import nn
 
 from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.normed import Normed
+from pcsr_plugins.layers.linear_norm_relu import LinearNormReLU
 from pcsr_plugins.layers.options import Channels
 
 
@@ -23,7 +23,9 @@ class Mlp(Encoder):
     def __init__(self, widths: Widths, *, channels: Channels = 16, norm: Literal["none", "batch"] = "none") -> None:
         super().__init__()
         self.channels = channels
-        self.layer = Normed(3, channels) if norm == "batch" else nn.Sequential(nn.Linear(3, channels), nn.ReLU())
+        self.layer = (
+            LinearNormReLU(3, channels) if norm == "batch" else nn.Sequential(nn.Linear(3, channels), nn.ReLU())
+        )
 
     def forward(self, points: Points) -> Features:
         """Lift each point's coordinates."""

@@ -19,7 +19,7 @@ from pcsr import Objective, UserError
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.metrics.nearest import nearest
 from pcsr.tensors import Points
-from pcsr_plugins.layers.frames import plane
+from pcsr_plugins.layers.local_frames import plane
 from pcsr_plugins.layers.options import Weight
 
 AROUND = 8

@@ -54,11 +54,11 @@ class Shuffle(Upsampler):
             return dense
         if self.start == "point":
             return dense + points.repeat_interleave(rate, dim=1)
-        places, spacing = fan(points, rate)
+        places, spacing = neighbour_offsets(points, rate)
         return places + spacing.repeat_interleave(rate, dim=1) * dense
 
 
-def fan(points: Points, rate: int) -> tuple[Dense, Float[Tensor, "b n 1"]]:
+def neighbour_offsets(points: Points, rate: int) -> tuple[Dense, Float[Tensor, "b n 1"]]:
     """For each point `rate` places on the ways to its nearest neighbours, in rings: 0.4 and 0.2 of the way for 16.
 
     None goes half the way, so that two neighbours on their ways to each other don't meet.

@@ -27,7 +27,7 @@ APART = 1e4
 """Where the points of a missing touch are put for the search, in radii of the cloud: nearest to nobody."""
 
 
-class Anchored(Fusion):
+class EdgeConvFusion(Fusion):
     """Residual, and at first nothing is added: training starts from the visual network."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})

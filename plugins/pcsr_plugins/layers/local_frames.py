@@ -25,7 +25,7 @@ SCALARS = 8
 
 
 @dataclass(frozen=True)
-class Frames:
+class LocalFrames:
     """The neighbourhood of each point. Nothing here has a gradient."""
 
     near: Neighbours
@@ -40,7 +40,7 @@ class Frames:
     """Root mean square of the neighbours' heights over that plane, in units of `unit`: 0 where all is flat."""
 
     @classmethod
-    def of(cls, points: Points, neighbours: int) -> "Frames":
+    def of(cls, points: Points, neighbours: int) -> "LocalFrames":
         """Of each point and its nearest other ones; fewer where there are fewer.
 
         Raises:

@@ -4,12 +4,12 @@ import torch
 
 from pcsr import Encoder, Trait, Widths
 from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.frame_conv import FrameConv
-from pcsr_plugins.layers.frames import Frames
+from pcsr_plugins.layers.local_frame_conv import LocalFrameConv
+from pcsr_plugins.layers.local_frames import LocalFrames
 from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
-class FrameEncoder(Encoder):
+class LocalFrameEncoder(Encoder):
     """One convolution, of nothing but the frames."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
@@ -18,10 +18,10 @@ class FrameEncoder(Encoder):
         super().__init__()
         self.channels = channels
         self.neighbours = neighbours
-        self.layer = FrameConv(1, channels)
+        self.layer = LocalFrameConv(1, channels)
 
     def forward(self, points: Points) -> Features:
         """Encode each point's neighbourhood."""
-        frames = Frames.of(points, self.neighbours)
+        frames = LocalFrames.of(points, self.neighbours)
         features: Features = self.layer(frames.rough, frames, frames.edges())
         return torch.relu(features)

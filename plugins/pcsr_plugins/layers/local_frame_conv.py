@@ -11,10 +11,10 @@ from torch.nn import functional as F
 
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Features
-from pcsr_plugins.layers.frames import SCALARS, Frames
+from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames
 
 
-class FrameConv(nn.Module):
+class LocalFrameConv(nn.Module):
     """Features of all edges of a point: e = ReLU(A·fᵢ + B·fⱼ + C·edgeᵢⱼ), then W·[max e, mean e]."""
 
     def __init__(self, c_in: int, c_out: int) -> None:
@@ -24,7 +24,9 @@ class FrameConv(nn.Module):
         self.edge = nn.Linear(SCALARS, c_out, bias=False)
         self.out = nn.Linear(2 * c_out, c_out)
 
-    def forward(self, features: Features, frames: Frames, edges: Float[Tensor, "b n k 8"]) -> Float[Tensor, "b n wide"]:
+    def forward(
+        self, features: Features, frames: LocalFrames, edges: Float[Tensor, "b n k 8"]
+    ) -> Float[Tensor, "b n wide"]:
         """Convolve."""
         heard = F.relu(self.here(features).unsqueeze(2) + gather(self.there(features), frames.near) + self.edge(edges))
         convolved: Tensor = self.out(torch.cat([heard.amax(2), heard.mean(2)], dim=-1))

@@ -21,7 +21,7 @@ from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.layers.options import Count
 
 
-class Inserted(NoFusion):
+class JointCloud(NoFusion):
     """Without weights: what a touched point means follows from where it lies."""
 
     keeps_touched_points: ClassVar[bool] = True

@@ -8,13 +8,13 @@ from torch import nn
 
 from pcsr import Backbone, Trait, Widths
 from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.frame_conv import FrameConv
-from pcsr_plugins.layers.frames import Frames
+from pcsr_plugins.layers.local_frame_conv import LocalFrameConv
+from pcsr_plugins.layers.local_frames import LocalFrames
 from pcsr_plugins.layers.options import Layers, NeighbourCount
 
 
-class FrameBackbone(Backbone):
-    """f ← f + MLP(FrameConv(Norm(f))), again and again, on one graph."""
+class LocalFrameBackbone(Backbone):
+    """f ← f + MLP(LocalFrameConv(Norm(f))), again and again, on one graph."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
@@ -23,12 +23,12 @@ class FrameBackbone(Backbone):
         self.channels = c = widths.visual
         self.neighbours = neighbours
         self.norms = nn.ModuleList(nn.LayerNorm(c) for _ in range(layers))
-        self.convolutions = nn.ModuleList(FrameConv(c, c) for _ in range(layers))
+        self.convolutions = nn.ModuleList(LocalFrameConv(c, c) for _ in range(layers))
         self.mlps = nn.ModuleList(nn.Sequential(nn.ReLU(), nn.Linear(c, c)) for _ in range(layers))
 
     def forward(self, points: Points, features: Features) -> Features:
         """Refine the features."""
-        frames = Frames.of(points, self.neighbours)
+        frames = LocalFrames.of(points, self.neighbours)
         edges = frames.edges()
         for norm, convolution, mlp in zip(self.norms, self.convolutions, self.mlps, strict=True):
             features = features + mlp(convolution(norm(features), frames, edges))

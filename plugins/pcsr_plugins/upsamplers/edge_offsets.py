@@ -20,14 +20,14 @@ from torch.nn import functional as F
 from pcsr import Trait, Upsampler, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Dense, Features, Points
-from pcsr_plugins.layers.frames import SCALARS, Frames
+from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames
 from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 FARTHEST = 0.45
 """The share of the way at which the outermost places of an untrained one lie: the neighbour's are beyond half."""
 
 
-class Fan(Upsampler):
+class EdgeOffsets(Upsampler):
     """Moves each place by what an MLP makes of the edge that it lies on, in units of the spacing there."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
@@ -64,7 +64,7 @@ class Fan(Upsampler):
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Set places out and move them: the points themselves, which stay, and `surplus`·rate·n more, or a few more."""
-        frames = Frames.of(points, self.neighbours)
+        frames = LocalFrames.of(points, self.neighbours)
         around = frames.around(self.spokes)
         near, ways, edges = (_chosen(each, around) for each in (frames.near, frames.ways, frames.edges()))
         known = self.here(features).unsqueeze(2) + gather(self.there(features), near) + self.edge(edges)

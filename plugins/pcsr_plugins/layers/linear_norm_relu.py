@@ -19,7 +19,7 @@ class PointNorm(nn.BatchNorm1d):
         return super().forward(input.reshape(-1, self.num_features)).view(input.shape)
 
 
-class Normed(nn.Module):
+class LinearNormReLU(nn.Module):
     """The three in a row. The input may have any axes before its channels."""
 
     def __init__(self, c_in: int, c_out: int) -> None:
