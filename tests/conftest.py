@@ -27,10 +27,10 @@ WORLD = """
 import os
 import numpy as np
 import trimesh
-from pcsr import Item, Shapes, Touch, TouchSource, UserError, hookimpl
+from pcsr import ShapeItem, ShapeSource, Touch, TouchSource, UserError, hookimpl
 
 
-class Balls(Shapes):
+class Balls(ShapeSource):
     def __init__(self, *, count: int = 10, held_out: int = 0, bad: tuple[int, ...] = (), mark: str = "") -> None:
         self.counts = {"train": count, "validation": held_out, "test": held_out}
         self.bad, self.mark = bad, mark
@@ -45,7 +45,7 @@ class Balls(Shapes):
                 file.write(name + "\\n")
         if number in self.bad:
             raise UserError(f"{name}: a bad ball")
-        return Item(name, "ball", trimesh.creation.icosphere(subdivisions=1, radius=1.0 + number))
+        return ShapeItem(name, "ball", trimesh.creation.icosphere(subdivisions=1, radius=1.0 + number))
 
     def digest(self, name):
         return ""

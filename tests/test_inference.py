@@ -17,7 +17,7 @@ from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, from_resolved
 from pcsr.recipe import load as load_recipe
-from pcsr.recipe.merge import PARTS
+from pcsr.recipe.part_keys import PARTS
 from pcsr.upsample.candidates import TOUCH_POINTS, Networked
 from pcsr.weights import shipped
 

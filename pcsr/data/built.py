@@ -147,7 +147,7 @@ class Built:
     def _check_meshes(self, recipe: Recipe, testing: Sequence[int]) -> None:
         """Meshes are found by the names of objects, which those of one folder alone know."""
         needs_mesh = {name for name, metric in METRICS.items() if metric.needs_mesh} | {"floor"}
-        wanting = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.beside) if name in needs_mesh]
+        wanting = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.baselines) if name in needs_mesh]
         shapes = (self.manifests[number].data.shapes.model_dump(mode="json") for number in testing)
         several = {json.dumps(one, sort_keys=True) for one in shapes}
         if wanting and len(several) > 1:

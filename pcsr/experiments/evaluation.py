@@ -68,12 +68,12 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
         network.parameter_count,
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
-    return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.beside)]
+    return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.baselines)]
 
 
 def needs_meshes(recipe: Recipe) -> bool:
     """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
-    return "floor" in recipe.evaluate.beside or _measured_on_meshes(recipe)
+    return "floor" in recipe.evaluate.baselines or _measured_on_meshes(recipe)
 
 
 def _measured_on_meshes(recipe: Recipe) -> bool:

@@ -146,8 +146,8 @@ def train(
             total = sum(losses.values())
             if not math.isfinite(total):
                 raise RunError(
-                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.rate, or look into the "
-                    f"parts; the checkpoint before it is kept in {checkpoint}"
+                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.learning_rate, or look into "
+                    f"the parts; the checkpoint before it is kept in {checkpoint}"
                 )
             seconds = time.monotonic() - start
             if fabric.is_global_zero:
@@ -209,7 +209,7 @@ def learning_rate(recipe: Recipe, epoch: int) -> float:
     """The learning rate of an epoch: it falls by the factor `decay` every `decay_every` epochs."""
     settings = recipe.train
     every = settings.decay_every or max(1, settings.epochs // 10)
-    return float(settings.rate * settings.decay ** (epoch // every))
+    return float(settings.learning_rate * settings.decay ** (epoch // every))
 
 
 @torch.no_grad()
@@ -231,7 +231,7 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     groups = [{"params": list(model.network.parameters()), "lr_multiplier": 1.0}]
     if own := list(model.objective.parameters()):
         groups.append({"params": own, "lr_multiplier": model.objective.lr_multiplier})
-    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.rate)
+    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.learning_rate)
     return optimizer
 
 

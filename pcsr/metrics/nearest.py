@@ -72,5 +72,5 @@ def require_finite(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b 
         if bad:
             raise RunError(
                 f"the {name} of two compared clouds has {bad} points that are not finite: if a network made "
-                f"it, its training diverged; lower train.rate"
+                f"it, its training diverged; lower train.learning_rate"
             )

@@ -9,7 +9,7 @@ from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.plugins.registry import FILE, OURS, Registry
 from pcsr.recipe import MODEL, Recipe
-from pcsr.recipe.merge import PARTS
+from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}

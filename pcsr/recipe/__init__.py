@@ -6,8 +6,8 @@ from typing import Any
 
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
-from pcsr.recipe.compose import compose, lay_over
-from pcsr.recipe.merge import DATA, MODEL, PARTS
+from pcsr.recipe.compose import compose, override_key
+from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
@@ -84,7 +84,7 @@ def for_data(
     for override in overrides:
         key = override.partition("=")[0].partition(".")[0]
         section = part or ("" if key in Data.model_fields else "shapes")
-        lay_over(source, ".".join(filter(None, ("data", section, override))), override)
+        override_key(source, ".".join(filter(None, ("data", section, override))), override)
     return check(source, registry)
 
 

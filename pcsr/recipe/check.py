@@ -1,5 +1,6 @@
 """Checking a recipe: every mistake at once, each with its place and the fix."""
 
+import copy
 import json
 from collections.abc import Callable, Collection
 from typing import Any
@@ -9,7 +10,9 @@ from pydantic import BaseModel, ValidationError
 from pcsr.errors import UserError, did_you_mean
 from pcsr.mistakes import explained, shown
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.merge import MODEL, PARTS, merge
+from pcsr.recipe.merge import merge
+from pcsr.recipe.old_names import modernize
+from pcsr.recipe.part_keys import MODEL, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 
@@ -29,6 +32,8 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     Raises:
         RecipeError: it has mistakes; all of them.
     """
+    source = source.copy()
+    modernize(source)
     data = _with_defaults(source)
     mistakes: list[Mistake] = []
     for keys, kind in PARTS.items():
@@ -70,11 +75,13 @@ def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Reci
     Raises:
         RecipeError: it has mistakes, or names parts or options of the network that are not here.
     """
+    source = Source(copy.deepcopy(written), {(): Place(origin)})
+    modernize(source)
     try:
-        Evaluate.model_validate(written.get("evaluate", {}))
+        Evaluate.model_validate(source.data.get("evaluate", {}))
     except ValidationError:
-        written = {key: value for key, value in written.items() if key != "evaluate"}
-    return check(Source(written, {(): Place(origin)}), registry, MODEL)
+        del source.data["evaluate"]
+    return check(source, registry, MODEL)
 
 
 def _with_defaults(source: Source) -> dict[str, Any]:
@@ -207,7 +214,7 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
     if low > high:
         text = f"train.touches: the least, {low}, is more than the most, {high}: swap them"
         found.append(Mistake(source.place(("train", "touches")), text))
-    for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "beside")):
+    for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "baselines")):
         names = getattr(getattr(recipe, section), key)
         for index, name in enumerate(names):
             if name in names[:index]:

@@ -8,7 +8,7 @@ from typing import Any
 from pcsr.errors import UserError
 from pcsr.mistakes import shortened, shown, shown_path
 from pcsr.recipe.matrix import add_axis, count_runs, expand, varied
-from pcsr.recipe.merge import assign, assign_dotted, merge, spell_out
+from pcsr.recipe.merge import assign, assign_dotted, merge, normalize
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
 
 MOST_RUNS = 1_000
@@ -34,7 +34,7 @@ def compose(
     runs = 0
     for source in compared(path, _with_parents(path, ())):
         for override in overrides:
-            lay_over(source, override)
+            override_key(source, override)
         for axis, values in (axes or {}).items():
             add_axis(source, axis, values)
         runs += count_runs(source)
@@ -87,7 +87,7 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
 
 
 def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
-    source = spell_out(read(path))
+    source = normalize(read(path))
     if "extends" not in source.data:
         return source
     parent = source.data.pop("extends")
@@ -107,7 +107,7 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     return merge(_with_parents(target, line), source)
 
 
-def lay_over(source: Source, override: str, written: str | None = None) -> None:
+def override_key(source: Source, override: str, written: str | None = None) -> None:
     """Apply `dotted.key=value`. It wins over a matrix, which no longer varies that key.
 
     Args:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.merge import PARTS
+from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe, options_model
 
 

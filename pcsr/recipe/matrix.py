@@ -8,6 +8,7 @@ from typing import Any
 
 from pcsr.mistakes import shown
 from pcsr.recipe.merge import assign, assign_dotted
+from pcsr.recipe.old_names import modern_key
 from pcsr.recipe.schema import NAME
 from pcsr.recipe.source import Keys, Mistake, Place, Source
 
@@ -20,6 +21,7 @@ def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
 
     A seed that is varied like that is the training's: the data keeps the one that it had.
     """
+    axis = modern_key(axis)
     data = source.data.get("data", {})
     if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
         assign(source, ("data", "seed"), source.data.get("seed", 0), Place("--seeds"))

@@ -4,31 +4,20 @@ import copy
 from typing import Any
 
 from pcsr.mistakes import shown
+from pcsr.recipe.old_names import modernize
+from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import DEFAULTS
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, Source
 
-PARTS: dict[Keys, str] = {
-    ("data", "shapes"): "shapes",
-    ("data", "touch"): "touch",
-    ("model", "encoder"): "encoder",
-    ("model", "touch_encoder"): "encoder",
-    ("model", "fusion"): "fusion",
-    ("model", "backbone"): "backbone",
-    ("model", "upsampler"): "upsampler",
-    ("train", "objective"): "objective",
-}
-"""Where a part is named, and of which kind; a bare name is short for `{use: name}` there."""
-DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
-"""The parts that building data needs, and those of the network, which are all that inference needs."""
 
-
-def spell_out(source: Source) -> Source:
-    """Write the bare name of a part as `{use: name}`, so that options can be laid over it."""
+def normalize(source: Source) -> Source:
+    """Bring a recipe into the form in which recipes are merged, in place: `{use: name}` for a part, today's names."""
     for keys in PARTS:
         section = source.data.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
             section[keys[1]] = {"use": section[keys[1]]}
             source.values[(*keys, "use")] = source.place(keys)
+    modernize(source)
     return source
 
 
@@ -87,7 +76,7 @@ def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | N
             over.values[keys[:depth]] = place
             over.names[keys[:depth]] = name or place
     over.data = data
-    merged = merge(source, spell_out(over))
+    merged = merge(source, normalize(over))
     source.data, source.values, source.names = merged.data, merged.values, merged.names
 
 

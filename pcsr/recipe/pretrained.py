@@ -11,7 +11,8 @@ from pcsr.errors import UserError
 from pcsr.files import sha256
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
-from pcsr.recipe.merge import PARTS, merge
+from pcsr.recipe.merge import merge
+from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.weights.file import read_file
@@ -145,7 +146,7 @@ def _network(recipe: Recipe) -> dict[str, Any]:
     """What decides a network; how often patches cover a cloud does not."""
     plain = recipe.resolved()
     patches = plain["patches"]
-    return {"model": plain["model"], "patches": patches and {k: v for k, v in patches.items() if k != "cover"}}
+    return {"model": plain["model"], "patches": patches and {k: v for k, v in patches.items() if k != "overlap"}}
 
 
 def _difference(one: Any, other: Any, keys: Keys) -> tuple[Keys, Any, Any] | None:

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.old_names import as_in_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Of a run: with its fingerprint it is the name of a folder, and those have up to 255 characters everywhere."""
@@ -104,7 +105,7 @@ class Train(Section):
     epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 300
     batch: Annotated[int, Field(ge=1, le=65_536)] = 32
     optimizer: Literal["adam", "adamw"] = "adam"
-    rate: Annotated[float, Field(gt=0)] = 1e-3
+    learning_rate: Annotated[float, Field(gt=0)] = 1e-3
     """Learning rate of the first epoch."""
     decay: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Factor of the learning rate every `decay_every` epochs."""
@@ -120,7 +121,7 @@ class Evaluate(Section):
     """What is measured, and beside what."""
 
     metrics: Annotated[tuple[Metric, ...], AS_TUPLE, Field(min_length=1), FEW] = ("cd", "hd", "emd")
-    beside: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE, FEW] = ("midpoint",)
+    baselines: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE, FEW] = ("midpoint",)
     """Baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface, sampled
     once more and independently of the truth: the least error that any upsampler can expect. It needs the meshes."""
     objects: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
@@ -138,7 +139,7 @@ class Patches(Section):
     """Points of a patch."""
     rate: Annotated[int, Field(ge=2, le=64)] = 4
     """Points that the network makes of each. To reach the rate of the data it is applied again to what it made."""
-    cover: Annotated[float, Field(ge=1, le=16)] = 3.0
+    overlap: Annotated[float, Field(ge=1, le=16)] = 3.0
     """In how many patches a point is, in the mean."""
 
 
@@ -218,7 +219,7 @@ class Recipe(Section):
         return _hash(self._decisive())
 
     def _decisive(self) -> dict[str, Any]:
-        plain = self.resolved()
+        plain = as_in_0_1(self.resolved())
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
         decisive: dict[str, Any] = {"seed": self.seed, "data": data, "model": plain["model"]}
         if self.weights:

@@ -61,7 +61,7 @@ def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patc
     start = network.upsampler.prepare(torch.from_numpy(cloud)[None].to(device), patches.rate)[0].float().cpu().numpy()
     n, left = len(start), goal // len(start)
     size = min(patches.points * n // len(cloud), n)
-    count = min(n, math.ceil(patches.cover * n / size)) if n > size else 1
+    count = min(n, math.ceil(patches.overlap * n / size)) if n > size else 1
     seeds = start[farthest_points(start, count)]
     rows = cKDTree(start).query(seeds, range(1, size + 1))[1]
     made = []

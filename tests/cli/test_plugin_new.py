@@ -19,7 +19,7 @@ from pcsr.cli.plugin_new import NAME, SECTIONS, distribution
 from pcsr.errors import UserError
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import KINDS
-from pcsr.recipe.merge import PARTS
+from pcsr.recipe.part_keys import PARTS
 
 
 @pytest.fixture

@@ -59,7 +59,7 @@ def test_check_goes_through_all_files_and_prints_all_mistakes(tmp_path):
 
 def test_show_prints_a_recipe_that_means_the_same(tmp_path, registry):
     path = tmp_path / "r.yaml"
-    path.write_text("name: r\ntrain: {rate: 1e-5}")
+    path.write_text("name: r\ntrain: {learning_rate: 1e-5}")
     result = invoke("show", path, "--set", "train.epochs=7")
     assert result.exit_code == 0
     (expected,) = load(path, registry, ["train.epochs=7"])

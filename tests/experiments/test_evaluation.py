@@ -20,7 +20,7 @@ from pcsr.threads import EACH
 ROOT = Path(__file__).parents[2]
 SETTINGS = [
     "data.shapes={use: balls, held_out: 3}", "data.touch={use: caps}", "data.points=64", "data.rate=4",
-    "data.touches=2", "train.touches=[0, 3]", "evaluate.beside=[midpoint, floor]", "evaluate.metrics=[cd, p2f]",
+    "data.touches=2", "train.touches=[0, 3]", "evaluate.baselines=[midpoint, floor]", "evaluate.metrics=[cd, p2f]",
 ]  # fmt: skip
 
 

@@ -298,7 +298,7 @@ def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, fini
         (["evaluate.metrics=[cd]"], False, {"manifold3d", "embreex"}),
         (["evaluate.metrics=[cd]"], True, set()),
         (["evaluate.metrics=[cd, p2f]"], True, {"manifold3d"}),
-        (["evaluate.metrics=[cd]", "evaluate.beside=[floor]"], True, {"manifold3d"}),
+        (["evaluate.metrics=[cd]", "evaluate.baselines=[floor]"], True, {"manifold3d"}),
         (["evaluate.metrics=[cd, emd]"], True, set()),  # 256 points: scipy's
         (["evaluate.metrics=[cd, emd]", "data.points=512"], True, {"ot"}),
         (["evaluate.metrics=[cd]", "train.objective=pu-net"], True, {"ot"}),

@@ -298,7 +298,7 @@ def test_an_objective_may_judge_more_than_the_result_and_learn_at_its_own_pace(r
     own = load_file(tmp_path / "run" / CHECKPOINT)
     weight = own["model.objective.own"]
     # The gradient is always 1, so that each step of Adam is as long as its rate.
-    assert float(weight) == pytest.approx(1 - STEPS * recipe.train.rate * Judge.lr_multiplier, rel=1e-4)
+    assert float(weight) == pytest.approx(1 - STEPS * recipe.train.learning_rate * Judge.lr_multiplier, rel=1e-4)
 
 
 def test_training_in_patches_stops_and_resumes_alike(tmp_path):

@@ -46,7 +46,7 @@ def check(limited, tmp_path):
         (f"name: a\nseed: {'1' * 100_000}", ["recipe.yaml:2:7: a whole number has at most 100 digits, got 100000"]),
         ("name: a\ntrain: {epochs: 1000000000000000000000}", ["train.epochs: it must be at most 1000000"]),
         ("name: a\ntrain: {batch: 1000000000}", ["train.batch: it must be at most 65536"]),
-        ("name: a\ntrain: {rate: 1e400}", ["train.rate: it must be a finite number"]),
+        ("name: a\ntrain: {learning_rate: 1e400}", ["train.learning_rate: it must be a finite number"]),
         ("name: a\nseed: 2026-01-01", ["recipe.yaml:2:7: a date is not plain data"]),
         ("name: a\nseed: !!binary aGk=", ["remove the tag !!binary"]),
         ("name: a\nmodel: !!set {a, b}", ["remove the tag !!set"]),

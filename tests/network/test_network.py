@@ -199,7 +199,7 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
 
 
 @pytest.mark.parametrize(
-    ("overrides", "anchors"),
+    ("overrides", "keeps_touched_points"),
     [(ANCHORED, True), (INSERTED, True), ((*NO_FUSION, *FAN), False), ((*FAN, "model.fusion=iterative"), False)],
 )
 @torch.no_grad()

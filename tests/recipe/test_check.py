@@ -127,8 +127,8 @@ def test_a_touch_encoder_that_nobody_hears(write, registry):
 
 @pytest.mark.parametrize("value", [".inf", ".nan", "'1e-3'", "true"])
 def test_a_rate_is_a_finite_number(write, registry, value):
-    (line,) = lines(write(f"name: a\ntrain: {{rate: {value}}}", model=True), registry)
-    assert line.startswith("recipe.yaml:2:15: train.rate: it must be a ")
+    (line,) = lines(write(f"name: a\ntrain: {{learning_rate: {value}}}", model=True), registry)
+    assert line.startswith("recipe.yaml:2:24: train.learning_rate: it must be a ")
 
 
 def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry):
@@ -140,7 +140,7 @@ def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry)
 
 
 def test_a_name_that_stands_in_a_list_twice(write, registry):
-    text = "name: a\ntrain: {augment: [scale, jitter, scale]}\nevaluate: {metrics: [cd, cd], beside: []}"
+    text = "name: a\ntrain: {augment: [scale, jitter, scale]}\nevaluate: {metrics: [cd, cd], baselines: []}"
     assert lines(write(text, model=True), registry) == [
         "recipe.yaml:2:34: train.augment: 'scale' is there already: remove one of the two",
         "recipe.yaml:3:26: evaluate.metrics: 'cd' is there already: remove one of the two",

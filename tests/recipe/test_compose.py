@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pcsr.recipe import RecipeError
 from pcsr.recipe.compose import compose
 from pcsr.recipe.matrix import expand
-from pcsr.recipe.merge import assign, merge, spell_out
+from pcsr.recipe.merge import assign, merge, normalize
 from pcsr.recipe.schema import DEFAULTS, NAME
 from pcsr.recipe.source import Place, Source, parse
 
@@ -107,7 +107,7 @@ def test_merge_changes_neither_of_the_two(a, b):
 
 
 def model(text):
-    return spell_out(parse(f"model: {{encoder: {text}}}", "file"))
+    return normalize(parse(f"model: {{encoder: {text}}}", "file"))
 
 
 @pytest.mark.parametrize(
@@ -318,10 +318,10 @@ def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
           - {use: some/two.yaml, train.batch: 4}
           - {use: some/two.yaml, name: three, seed: 7}
     """)
-    one, two, three = compose(path, ["train.rate=0.5"])
-    assert one.data == {"name": "study-one", "seed": 1, "train": {"epochs": 5, "batch": 2, "rate": 0.5}}
-    assert two.data == {"name": "study-two", "seed": 1, "train": {"epochs": 5, "batch": 4, "rate": 0.5}}
-    assert three.data == {"name": "study-three", "seed": 7, "train": {"epochs": 5, "batch": 2, "rate": 0.5}}
+    one, two, three = compose(path, ["train.learning_rate=0.5"])
+    assert one.data == {"name": "study-one", "seed": 1, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
+    assert two.data == {"name": "study-two", "seed": 1, "train": {"epochs": 5, "batch": 4, "learning_rate": 0.5}}
+    assert three.data == {"name": "study-three", "seed": 7, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
     assert two.place(("train", "batch")) == Place(str(path), 5, 39)
     assert one.place(("train", "batch")).origin.endswith("one.yaml")
 

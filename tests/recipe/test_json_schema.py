@@ -3,7 +3,7 @@
 import json
 
 from pcsr.recipe.json_schema import json_schema
-from pcsr.recipe.merge import PARTS
+from pcsr.recipe.part_keys import PARTS
 
 
 def choices(schema, kind):

@@ -101,8 +101,8 @@ def test_the_first_difference_is_named_at_its_place(write, registry, trained, te
 
 def test_other_patches_are_refused_but_how_often_they_cover_is_free(write, registry, trained):
     trained("patches={points: 64, rate: 4}")
-    path = write("name: a\nweights: w.safetensors\npatches: {points: 64, rate: 4, cover: 1.5}")
-    assert one(path, registry).patches.cover == 1.5
+    path = write("name: a\nweights: w.safetensors\npatches: {points: 64, rate: 4, overlap: 1.5}")
+    assert one(path, registry).patches.overlap == 1.5
     with pytest.raises(RecipeError, match=r"patches.points is 32, and the weights were trained with 64"):
         load(path, registry, ["patches.points=32"])
     with pytest.raises(RecipeError, match="patches is null"):

@@ -48,7 +48,7 @@ def test_defaults_are_filled_in(write, registry):
             "epochs": 300,
             "batch": 32,
             "optimizer": "adam",
-            "rate": 1e-3,
+            "learning_rate": 1e-3,
             "decay": 0.7,
             "decay_every": None,
             "augment": ["redraw", "even", "rotate", "scale", "jitter"],
@@ -59,7 +59,7 @@ def test_defaults_are_filled_in(write, registry):
         "joined": [],
         "evaluate": {
             "metrics": ["cd", "hd", "emd"],
-            "beside": ["midpoint"],
+            "baselines": ["midpoint"],
             "objects": None,
             "examples": 4,
             "published": {},
@@ -143,9 +143,9 @@ def test_the_data_may_have_a_seed_of_its_own(write, registry):
 @given(epochs=st.integers(1, 10**6), rate=st.floats(1e-12, 1e3), low=st.integers(0, 16), high=st.integers(0, 16))
 def test_numbers_survive_the_file_the_header_and_back(write, registry, epochs, rate, low, high):
     low, high = sorted((low, high))
-    text = f"name: a\ntrain: {{epochs: {epochs}, rate: {rate!r}, touches: [{low}, {high}]}}"
+    text = f"name: a\ntrain: {{epochs: {epochs}, learning_rate: {rate!r}, touches: [{low}, {high}]}}"
     made = recipe(write, registry, text)
-    assert (made.train.epochs, made.train.rate, made.touch_range) == (epochs, rate, (low, high))
+    assert (made.train.epochs, made.train.learning_rate, made.touch_range) == (epochs, rate, (low, high))
     assert from_resolved(json.loads(json.dumps(made.resolved())), registry) == made
 
 
@@ -213,5 +213,5 @@ def test_what_the_network_sees_is_a_patch_or_the_whole(write, registry):
 
 
 def test_how_often_patches_cover_a_cloud_does_not_decide_the_weights(write, registry):
-    once, thrice = (recipe(write, registry, overrides=[f"patches={{cover: {cover}}}"]) for cover in ("1.0", "3.0"))
+    once, thrice = (recipe(write, registry, overrides=[f"patches={{overlap: {cover}}}"]) for cover in ("1.0", "3.0"))
     assert once.fingerprint == thrice.fingerprint

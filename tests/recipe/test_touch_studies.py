@@ -53,7 +53,7 @@ def test_vision(rows):
         (noise, 4) for noise in (0.0, 0.005, 0.01, 0.02)
     ]
     assert {(r.data.sampling, r.data.view.cameras) for r in rows["vision"]} == {("view", 4)}
-    assert all(r.evaluate.beside == BESIDE for r in rows["vision"])
+    assert all(r.evaluate.baselines == BESIDE for r in rows["vision"])
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_all_rows_are_alike_but_for_what_is_studied(rows, study):
 
 
 def test_baselines_are_measured_once_for_each_clouds_and_size(rows):
-    beside = {study: sum(r.evaluate.beside == BESIDE for r in some) for study, some in rows.items()}
+    beside = {study: sum(r.evaluate.baselines == BESIDE for r in some) for study, some in rows.items()}
     assert beside == {"size": 4, "vision": 4, "occlusion": 2, "sensor": 0, "policy": 0}
 
 

@@ -1,0 +1,142 @@
+"""Recipes with the names of pcsr 0.1: read under the names of today, and hashed under the old ones.
+
+Recipe files, the cards of weights and the manifests of data sets are read through `modernize`. Fingerprints are taken of
+`as_in_0_1`, so that a new name makes no run folder, weights or data set stale.
+"""
+
+import copy
+import warnings
+from typing import Any
+
+from pcsr.errors import PcsrWarning
+from pcsr.mistakes import shortened
+from pcsr.plugins import renamed
+from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.source import Keys, Source
+
+KEYS: dict[Keys, str] = {
+    ("train", "rate"): "learning_rate",
+    ("evaluate", "beside"): "baselines",
+    ("patches", "cover"): "overlap",
+}
+"""Old keys of a recipe, each with the new last key."""
+OPTIONS: dict[tuple[str, str], dict[str, Keys]] = {
+    ("fusion", "edge-conv"): {"heard": ("points_per_touch",)},
+}
+"""Old options of parts, by kind and today's name of the part, each with the keys of the new option."""
+
+
+def modernize(source: Source) -> None:
+    """Replace the names of 0.1 in a recipe, in place.
+
+    Warns:
+        PcsrWarning: there were some; one warning names all of them.
+    """
+    notes: list[str] = []
+    for keys, new in KEYS.items():
+        if _move(source, keys, (keys[0], new)):
+            notes.append(f"{_dotted(keys)} is now {keys[0]}.{new}")
+    for keys, kind in PARTS.items():
+        notes += _modernize_part(source, keys, kind)
+    matrix = source.data.get("matrix")
+    notes += _modernize_dotted(source, ("matrix",), matrix)
+    groups = matrix.items() if isinstance(matrix, dict) else ()
+    tables = [(("matrix", axis), rows) for axis, rows in groups] + [(("recipes",), source.data.get("recipes"))]
+    for keys, rows in tables:
+        for number, row in enumerate(rows if isinstance(rows, list) else ()):
+            notes += _modernize_dotted(source, (*keys, number), row)
+    if notes:
+        origin = source.values[()].origin
+        text = f"{origin} uses names of pcsr 0.1, which are still read: {'; '.join(dict.fromkeys(notes))}"
+        warnings.warn(shortened(text, 1000), PcsrWarning, stacklevel=2)
+
+
+def modern_key(dotted: str) -> str:
+    """Today's form of a dotted key, such as `train.rate`."""
+    keys = tuple(dotted.split("."))
+    return ".".join((*map(str, keys[:1]), KEYS[keys])) if keys in KEYS else dotted
+
+
+def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
+    """A resolved recipe with the names that 0.1 gave to what it has; a copy."""
+    old = copy.deepcopy(plain)
+    for keys, new in KEYS.items():
+        section = old.get(str(keys[0]))
+        if isinstance(section, dict) and new in section:
+            section[str(keys[1])] = section.pop(new)
+    for keys, kind in PARTS.items():
+        section = old.get(str(keys[0]))
+        if isinstance(section, dict) and isinstance(section.get(keys[1]), dict):
+            section[str(keys[1])] = part_as_in_0_1(kind, section[str(keys[1])])
+    return old
+
+
+def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
+    """A part `{use: name, …}` with the names that 0.1 gave to it and its options; a copy."""
+    old = copy.deepcopy(part)
+    for option, keys in OPTIONS.get((kind, old["use"]), {}).items():
+        owner: Any = old
+        for key in keys[:-1]:
+            owner = owner.get(key) if isinstance(owner, dict) else None
+        if isinstance(owner, dict) and keys[-1] in owner:
+            old[option] = owner.pop(keys[-1])
+    names = {new: name for (of_kind, name), new in renamed.PARTS.items() if of_kind == kind}
+    return {**old, "use": names.get(old["use"], old["use"])}
+
+
+def _modernize_part(source: Source, keys: Keys, kind: str) -> list[str]:
+    section = source.data.get(str(keys[0]))
+    part = section.get(keys[1]) if isinstance(section, dict) else None
+    if not (isinstance(part, dict) and isinstance(part.get("use"), str)):
+        return []
+    notes = []
+    new = renamed.PARTS.get((kind, part["use"]))
+    if new is not None:
+        notes.append(f"{kind} '{part['use']}' is now '{new}'")
+        part["use"] = new
+    for option, inner in OPTIONS.get((kind, part["use"]), {}).items():
+        if _move(source, (*keys, option), (*keys, *inner)):
+            notes.append(f"option '{option}' of {kind} '{part['use']}' is now '{_dotted(inner)}'")
+    return notes
+
+
+def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
+    """The dotted keys of a mapping at `keys`."""
+    if not isinstance(mapping, dict):
+        return []
+    notes = []
+    for old in [key for key in mapping if isinstance(key, str) and modern_key(key) != key]:
+        if _move(source, (*keys, old), (*keys, modern_key(old))):
+            notes.append(f"{old} is now {modern_key(old)}")
+    return notes
+
+
+def _move(source: Source, old: Keys, new: Keys) -> bool:
+    """Move a value from one key to another, and its position in the file with it.
+
+    Where the new key is there too, nothing is moved: the old one is then reported as unknown.
+    """
+    owner: Any = source.data
+    for key in old[:-1]:
+        owner = owner.get(key) if isinstance(owner, dict) else owner[int(key)] if isinstance(owner, list) else None
+    if not isinstance(owner, dict) or old[-1] not in owner:
+        return False
+    target: Any = owner
+    for key in new[len(old) - 1 : -1]:
+        target = target.setdefault(key, {}) if isinstance(target, dict) else None
+    if not isinstance(target, dict) or new[-1] in target:
+        return False
+    if target is owner:  # at the same position: the order of a matrix decides the names of its runs
+        items = [(new[-1] if key == old[-1] else key, value) for key, value in owner.items()]
+        owner.clear()
+        owner.update(items)
+    else:
+        target[new[-1]] = owner.pop(old[-1])
+    for known in (source.values, source.names):
+        for keys in [keys for keys in known if keys[: len(old)] == old]:
+            known[(*new, *keys[len(old) :])] = known.pop(keys)
+    return True
+
+
+def _dotted(keys: Keys) -> str:
+    return ".".join(map(str, keys))
