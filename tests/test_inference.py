@@ -24,10 +24,10 @@ from pcsr.weights import shipped
 SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
 SIMULATION = ("embreex", "manifold3d", "pcsr_plugins.touch", "pcsr_plugins.shapes", "pcsr.geometry.rays", "pcsr.data")
 TRAINING = """
-from pcsr import Objective, Shapes, TouchSource, hookimpl
+from pcsr import Objective, ShapeSource, TouchSource, hookimpl
 
 
-class Stars(Shapes):
+class Stars(ShapeSource):
     def __init__(self, *, arms: int = 5, sizes: tuple[int, ...] = (1, 2)) -> None:
         pass
 

@@ -165,7 +165,7 @@ def test_samplings_that_differ_are_mixed(two, recipe, registry, folders):
     assert Built.read([two[0], even]).lay_under(recipe(), registry).data.sampling == "mixed"
 
 
-@pytest.mark.parametrize("wish", [{"metrics": ("cd", "p2f")}, {"beside": ("floor",)}])
+@pytest.mark.parametrize("wish", [{"metrics": ("cd", "p2f")}, {"baselines": ("floor",)}])
 def test_meshes_of_several_folders_are_refused(two, recipe, registry, folders, wish):
     other = folders(recipe("count=1", "held_out=1"))
     moved = folders(recipe("count=3", "held_out=2", "seed=3"))
