@@ -98,4 +98,7 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module(f"pcsr.{name}")
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
+    new = importlib.import_module("pcsr.plugins.renamed").PUBLIC.get(name)
+    if new is not None:  # no AttributeError, whose text `from pcsr import …` would drop
+        raise ImportError(f"pcsr.{name} is now pcsr.{new}")
     raise AttributeError(f"module 'pcsr' has no attribute '{name}'")

@@ -146,8 +146,8 @@ def train(
             total = sum(losses.values())
             if not math.isfinite(total):
                 raise RunError(
-                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.learning_rate, or look into "
-                    f"the parts; the checkpoint before it is kept in {checkpoint}"
+                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.learning_rate, or "
+                    f"look into the parts; the checkpoint before it is kept in {checkpoint}"
                 )
             seconds = time.monotonic() - start
             if fabric.is_global_zero:

@@ -34,7 +34,8 @@ def point_to_surface(
         raise UserError("p2f: the true mesh has no faces: give a mesh, or leave the metric out")
     if not (np.isfinite(points).all() and np.isfinite(vertices).all()):
         raise RunError(
-            "p2f: a coordinate is not finite: if a network made the cloud, its training diverged; lower train.learning_rate"
+            "p2f: a coordinate is not finite: if a network made the cloud, its training diverged; lower "
+            "train.learning_rate"
         )
     triangles = _cut(np.asarray(vertices, np.float64)[faces], len(points))
     centre, radius = _spheres(triangles)

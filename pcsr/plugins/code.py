@@ -53,6 +53,17 @@ def distribution_code(name: str) -> str | None:
     return _hash(files, f"{name} {found.version}")
 
 
+def python_files(owner: str, *, in_file: bool) -> list[Path]:
+    """The Python files of a plugin: of a plugin file with the modules beside it, or of an installed distribution."""
+    if in_file:
+        return _local_modules(Path(owner).resolve()) if Path(owner).is_file() else []
+    try:
+        found = distribution(owner)
+    except PackageNotFoundError:
+        return []
+    return [path for package in sorted(_packages(found)) for _, path in _files(package) if path.suffix == ".py"]
+
+
 def _hash(files: Iterable[tuple[str, Path]], head: str = "") -> str:
     digest = hashlib.sha256(head.encode())
     for name, path in sorted(files):

@@ -19,8 +19,8 @@ import pluggy
 
 from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
 from pcsr.mistakes import shown_path
-from pcsr.plugins import hookspecs
-from pcsr.plugins.code import GROUP
+from pcsr.plugins import hookspecs, renamed
+from pcsr.plugins.code import GROUP, python_files
 from pcsr.plugins.guard import guarded_import
 from pcsr.plugins.registry import FILE, Failure, Register, Registry
 
@@ -88,6 +88,9 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
         raise
     except BaseException as error:  # a plugin that calls sys.exit must not end the rest
         registry.entries = before
+        old = renamed.old_names(python_files(owner, in_file=version == FILE))
+        if old:
+            error = UserError(old).with_traceback(error.__traceback__)
         registry.failures.append(Failure(owner, version, error))
 
 

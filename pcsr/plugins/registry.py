@@ -10,7 +10,8 @@ from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
 from pcsr.mistakes import LONGEST, shortened, shown
-from pcsr.plugins.code import distribution_code, file_code
+from pcsr.plugins import renamed
+from pcsr.plugins.code import distribution_code, file_code, python_files
 from pcsr.plugins.guard import guarded_import
 
 KINDS = {
@@ -73,9 +74,9 @@ class Entry:
                 with guarded_import(f"{self.kind} '{self.name}' of {self.owner}"):
                     part = getattr(importlib.import_module(module), attribute)
             except (Exception, SystemExit) as error:
+                why = renamed.old_names(python_files(self.owner, in_file=self.version == FILE)) or described(error)
                 raise UserError(
-                    f"{self.kind} '{self.name}' of {self.owner} cannot be loaded from '{self.target}': "
-                    f"{described(error)}"
+                    f"{self.kind} '{self.name}' of {self.owner} cannot be loaded from '{self.target}': {why}"
                 ) from error
         contract = getattr(importlib.import_module("pcsr.contracts"), KINDS[self.kind])
         if not (isinstance(part, type) and issubclass(part, contract)):
@@ -83,6 +84,7 @@ class Entry:
                 f"{self.kind} '{self.name}' of {self.owner} is {shown(part)}, which is not a {contract.__name__}: "
                 f"derive it from pcsr.{contract.__name__}"
             )
+        renamed.check_class(part)
         return part
 
 
@@ -145,6 +147,11 @@ class Registry:
             )
         if entry.kind not in KINDS:
             raise UserError(f"'{entry.kind}' is not a kind of part: {did_you_mean(entry.kind, KINDS)}")
+        if (entry.kind, entry.name) in renamed.PARTS:
+            raise UserError(
+                f"{entry.kind} '{entry.name}' of {entry.owner} has the name that "
+                f"'{renamed.PARTS[entry.kind, entry.name]}' had in pcsr 0.1, and recipes mean that one: rename it"
+            )
         taken = self.entries.get((entry.kind, entry.name))
         wins = self.files_win and entry.version == FILE and taken is not None and taken.version != FILE
         if taken is not None and not wins:

@@ -1,4 +1,11 @@
-"""Names of pcsr 0.1 and what they are called now."""
+"""Names of pcsr 0.1 and what they are called now: for messages, since a plugin that uses an old one cannot work."""
+
+import ast
+import inspect
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from pcsr.errors import UserError
 
 PARTS = {
     ("encoder", "frames"): "local-frames",
@@ -8,3 +15,90 @@ PARTS = {
     ("upsampler", "fan"): "edge-offsets",
 }
 """Parts by kind and old name. No other part may take these names: recipes and weights of 0.1 mean the renamed one."""
+PUBLIC = {
+    "Item": "ShapeItem",
+    "Shapes": "ShapeSource",
+    "Touches": "TouchBatch",
+    "Upsampling": "UpsamplingNetwork",
+}
+"""Public names of the package `pcsr`."""
+MEMBERS = {
+    "Trait.POINT_ORDER_FREE": "Trait.PERMUTATION_EQUIVARIANT",
+    "Trait.TOUCH_ORDER_FREE": "Trait.TOUCH_PERMUTATION_INVARIANT",
+    "Touch.of_one_finger": "Touch.single",
+    "Touch.of_fingers": "Touch.grasp",
+}
+"""Members of public classes, used as `Class.member`."""
+METHODS = {"thinned": "Touch.resampled"}
+"""Methods of instances."""
+ATTRIBUTES = {
+    "places": "path_options",
+    "hears_features": "uses_touch_features",
+    "anchors": "keeps_touched_points",
+    "at_once": "max_rate_per_pass",
+    "pace": "lr_multiplier",
+}
+"""What a class of a part sets in its body."""
+SIGNATURES: dict[str, str] = {}
+"""Methods of parts that took a parameter `mask`, which is now a field of `touches`, a `TouchBatch`."""
+
+
+def check_class(part: type) -> None:
+    """Refuse a class of a part that was written for 0.1: what it sets or overrides would be ignored in silence.
+
+    Raises:
+        UserError: it sets an old attribute, or overrides a method with its old parameters.
+    """
+    own = vars(part)
+    found = [_changed(old, new) for old, new in ATTRIBUTES.items() if old in own and not callable(own[old])]
+    for name, new in SIGNATURES.items():
+        method = own.get(name)
+        if inspect.isfunction(method) and "mask" in inspect.signature(method).parameters:
+            found.append(_changed(f"{name}(…, mask)", new))
+    if found:
+        raise UserError(f"{part.__name__} was written for pcsr 0.1: {'; '.join(found)}")
+
+
+def old_names(files: Iterable[Path]) -> str:
+    """The old names in Python files, each with its new one, in a clause; empty if there are none."""
+    found: dict[str, None] = {}
+    for file in files:
+        try:
+            tree = ast.parse(file.read_bytes())
+        except (OSError, SyntaxError, ValueError):
+            continue
+        found |= dict.fromkeys(_changed(old, new) for old, new in _in_tree(tree))
+    return f"it was written for pcsr 0.1, whose names have changed: {'; '.join(found)}" if found else ""
+
+
+def _in_tree(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module in ("pcsr", "pcsr.contracts"):
+            yield from ((alias.name, PUBLIC[alias.name]) for alias in node.names if alias.name in PUBLIC)
+        elif isinstance(node, ast.Attribute):
+            dotted = ast.unparse(node)
+            names = {f"pcsr.{old}": f"pcsr.{new}" for old, new in (PUBLIC | MEMBERS).items()} | MEMBERS
+            if dotted in names:
+                yield dotted, names[dotted]
+            elif node.attr in METHODS:
+                yield f".{node.attr}", METHODS[node.attr]
+        elif isinstance(node, ast.ClassDef):
+            yield from _in_class(node)
+
+
+def _in_class(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    for statement in node.body:
+        targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
+        for target in targets:
+            if isinstance(target, ast.Name) and target.id in ATTRIBUTES:
+                yield target.id, ATTRIBUTES[target.id]
+        if isinstance(statement, ast.FunctionDef) and statement.name in SIGNATURES and _takes_mask(statement):
+            yield f"{statement.name}(…, mask)", SIGNATURES[statement.name]
+
+
+def _takes_mask(function: ast.FunctionDef) -> bool:
+    return any(argument.arg == "mask" for argument in function.args.args)
+
+
+def _changed(old: str, new: str) -> str:
+    return f"{old} is now {new}"

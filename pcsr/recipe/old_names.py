@@ -1,7 +1,7 @@
 """Recipes with the names of pcsr 0.1: read under the names of today, and hashed under the old ones.
 
-Recipe files, the cards of weights and the manifests of data sets are read through `modernize`. Fingerprints are taken of
-`as_in_0_1`, so that a new name makes no run folder, weights or data set stale.
+Recipe files, the cards of weights and the manifests of data sets are read through `modernize`. Fingerprints are taken
+of `as_in_0_1`, so that a new name makes no run folder, weights or data set stale.
 """
 
 import copy
@@ -104,11 +104,9 @@ def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
     """The dotted keys of a mapping at `keys`."""
     if not isinstance(mapping, dict):
         return []
-    notes = []
-    for old in [key for key in mapping if isinstance(key, str) and modern_key(key) != key]:
-        if _move(source, (*keys, old), (*keys, modern_key(old))):
-            notes.append(f"{old} is now {modern_key(old)}")
-    return notes
+    old = [key for key in mapping if isinstance(key, str) and modern_key(key) != key]
+    moved = [key for key in old if _move(source, (*keys, key), (*keys, modern_key(key)))]
+    return [f"{key} is now {modern_key(key)}" for key in moved]
 
 
 def _move(source: Source, old: Keys, new: Keys) -> bool:
