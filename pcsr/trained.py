@@ -22,7 +22,8 @@ from pcsr.place import Place, run_folder
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
 from pcsr.registry import Registry
-from pcsr.train import CHECKPOINT, HISTORY, train
+from pcsr.run_files import HISTORY
+from pcsr.train import CHECKPOINT, train
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric

@@ -14,7 +14,8 @@ FLOORS = {
     "pcsr.library": 5,
     "pcsr.measure": 2,
     "pcsr.export": 5,
-    "pcsr.results": 5,
+    "pcsr.results": 2,
+    "pcsr.run_files": 3,
     "pcsr.train": 4,
     "pcsr.evaluation": 4,
     "pcsr.upsample": 4,
@@ -82,7 +83,6 @@ SAME_FLOOR = {
     ("pcsr.train", "pcsr.upsample"),
     ("pcsr.run", "pcsr.report"),
     ("pcsr.run", "pcsr.trained"),
-    ("pcsr.run", "pcsr.results"),
     ("pcsr.testing", "pcsr.model"),
 }
 PUBLIC = (

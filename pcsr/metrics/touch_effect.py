@@ -1,11 +1,11 @@
-"""What touch does to a network: how much of the felt region's error it takes away, and how far from there it helps."""
+"""Effect of touch on a network: the share of the touched region's error that it removes, and error by distance."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Int
+from pydantic import BaseModel, FiniteFloat, model_validator
 from torch import Tensor
 
 from pcsr.metrics.chamfer import chamfer
@@ -15,32 +15,45 @@ EDGES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Where the bins of distance to the nearest touched point begin, in radii of the unit sphere; the last has no end."""
 EFFICIENCY = "touch efficiency"
 DEFINITION = (
-    "what touch takes off the mean Chamfer distance, as a share of what it would take off if the felt region came out "
-    "without error: (without - with) / (without - felt region replaced by the truth)"
+    "what touch takes off the mean Chamfer distance, as a share of what it would take off if the touched region came "
+    "out without error: (without - with) / (without - touched region replaced by the truth)"
 )
 
 
-@dataclass(frozen=True)
-class TouchEffect:
+class TouchEffect(BaseModel):
     """One network with touches and without, on the same objects, in the frame in which the truth fills the unit sphere.
 
     Chamfer distances are one for each object; errors are means over the truth's points of all objects, for each bin
     of `EDGES`, and None where a bin has no points.
     """
 
-    touched: list[float]
+    touched: list[FiniteFloat]
     """Chamfer distance with touches."""
-    plain: list[float]
-    """Without."""
-    replaced: list[float]
-    """Without, but with the felt region replaced by the truth (`replace_region`)."""
+    plain: list[FiniteFloat]
+    """Chamfer distance without touches."""
+    replaced: list[FiniteFloat]
+    """Chamfer distance without touches, after the touched region was replaced by the truth (`replace_region`)."""
     seconds: float
-    """Mean wall time for a cloud without touches."""
-    edges: list[float]
+    """Median wall time for a cloud without touches; the mean in results of pcsr 0.1.0."""
+    edges: list[FiniteFloat]
+    """Lower ends of the bins."""
     counts: list[int]
     """Points of the truth in each bin."""
-    errors: dict[str, list[float | None]]
-    """Of each cloud's name: mean squared distance from a point of the truth to the nearest of the cloud."""
+    errors: dict[str, list[FiniteFloat | None]]
+    """For each method: mean squared distance from a point of the truth to the nearest point of the method's cloud."""
+
+    @property
+    def efficiency(self) -> float | None:
+        """Touch efficiency over all objects; None where the touched region holds no error."""
+        return efficiency(self.touched, self.plain, self.replaced)
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> "TouchEffect":
+        sizes = {"counts": len(self.counts), **{name: len(row) for name, row in self.errors.items()}}
+        for key, found in sizes.items():
+            if found != len(self.edges):
+                raise ValueError(f"'{key}' has {found} values for {len(self.edges)} distances")
+        return self
 
 
 def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Sequence[float]) -> float | None:
@@ -116,13 +129,13 @@ def touch_effect(
         sums = torch.bincount(bins, torch.cat(squared).double(), len(EDGES))
         errors[label] = [total / n if n else None for total, n in zip(sums.tolist(), counts.tolist(), strict=True)]
     return TouchEffect(
-        _chamfer(touched, truth),
-        _chamfer(plain, truth),
-        _chamfer(replaced, truth),
-        seconds,
-        list(EDGES),
-        counts.tolist(),
-        errors,
+        touched=_chamfer(touched, truth),
+        plain=_chamfer(plain, truth),
+        replaced=_chamfer(replaced, truth),
+        seconds=seconds,
+        edges=list(EDGES),
+        counts=counts.tolist(),
+        errors=errors,
     )
 
 
