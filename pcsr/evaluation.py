@@ -1,6 +1,5 @@
 """Evaluation: a network and baselines on one split, every metric for every object."""
 
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +13,6 @@ from jaxtyping import Float
 from pcsr.contracts import Shapes
 from pcsr.data.dataset import Split
 from pcsr.data.sample import felt_points, item_seed
-from pcsr.errors import RunError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.sampling import poisson_points
 from pcsr.metrics import METRICS, Mesh
@@ -22,7 +20,7 @@ from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.model import Network
 from pcsr.recipe import Recipe
 from pcsr.registry import Registry
-from pcsr.results import MethodResult
+from pcsr.results import MethodResult, validated
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
@@ -124,7 +122,7 @@ def evaluate(
         advance: called after an object was upsampled or measured, 2·k times for each method.
 
     Raises:
-        RunError: a metric is not finite.
+        UserError: a metric is not finite.
     """
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
@@ -153,11 +151,10 @@ def evaluate(
     touch = _touch_effect(recipe, split, compared, runs, plain) if plain.clouds else None
     results = []
     for method, timed in zip(compared, runs, strict=True):
-        rows = [_finite(next(measured), method, name) for name in split.names]
-        values = {str(metric): [row[metric] for row in rows] for metric in recipe.evaluate.metrics}
-        results.append(
-            MethodResult(name=method.name, parameters=method.parameters, seconds=timed.median, values=values)
-        )
+        rows = [next(measured) for _ in range(len(split))]
+        values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
+        result = {"name": method.name, "parameters": method.parameters, "seconds": timed.median, "values": values}
+        results.append(validated(MethodResult, result, f"method '{method.name}'", "mend the metric, or leave it out"))
     return Evaluation(results, touch, [np.stack(timed.clouds) for timed in runs], used, load)
 
 
@@ -226,18 +223,6 @@ def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], No
         for result in workers.map(_measure, tasks):
             advance()
             yield result
-
-
-def _finite(values: dict[str, float], method: Method, name: str) -> dict[str, float]:
-    """The metrics of one object.
-
-    Raises:
-        RunError: one is not finite.
-    """
-    for metric, value in values.items():
-        if not math.isfinite(value):
-            raise RunError(f"{metric} of '{name}' by '{method.name}' is {value}: mend the metric, or leave it out")
-    return values
 
 
 @threads(1)

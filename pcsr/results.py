@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from pcsr.errors import UserError
 from pcsr.files import write_text
@@ -73,23 +73,12 @@ class Training(BaseModel):
     """How the code of the parts differs from the code that trained the weights; None if it does not."""
 
 
-class EvaluateSettings(BaseModel):
-    """Section `evaluate` of a recipe, as far as reports read it."""
-
-    published: dict[str, float] = {}
-
-
-class TrainSettings(BaseModel):
-    """Section `train` of a recipe, as far as reports read it."""
-
-    epochs: int = Field(ge=1)
-
-
 class RecipeSettings(BaseModel):
     """Settings of a recipe that reports read."""
 
-    evaluate: EvaluateSettings = EvaluateSettings()
-    train: TrainSettings | None = None
+    epochs: int | None = Field(None, ge=1, validation_alias=AliasPath("train", "epochs"))
+    published: dict[str, float] = Field({}, validation_alias=AliasPath("evaluate", "published"))
+    """Published values, by metric or column."""
 
 
 class Results(BaseModel):
@@ -135,8 +124,8 @@ class Results(BaseModel):
     @property
     def seconds_per_epoch(self) -> float | None:
         """Wall time of one epoch of the training; None where the weights' card has no time."""
-        train = self.settings.train
-        return None if self.training.seconds is None or train is None else self.training.seconds / train.epochs
+        seconds, epochs = self.training.seconds, self.settings.epochs
+        return None if seconds is None or epochs is None else seconds / epochs
 
     @property
     def timed(self) -> str:
@@ -158,7 +147,7 @@ class Results(BaseModel):
             settings = self.settings
         except ValidationError as error:
             raise ValueError(f"recipe.{_first_mistake(error)}") from error
-        if self.training.seconds is not None and settings.train is None:
+        if self.training.seconds is not None and settings.epochs is None:
             raise ValueError("recipe.train.epochs is missing, by which training.seconds is divided")
         return self
 

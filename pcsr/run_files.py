@@ -62,19 +62,12 @@ def write_run(run: FinishedRun) -> None:
     Raises:
         RunError: a file can't be written.
     """
-    tensors = {}
+    tensors: dict[str, torch.Tensor] = {}
     for k, example in enumerate(run.examples):
-        tensors[f"{k}/input"] = example.input
-        tensors[f"{k}/truth"] = example.truth
-        if example.touches is not None:
-            tensors[f"{k}/touches"] = example.touches
-        for method, cloud in example.predictions.items():
-            tensors[f"{k}/{method}"] = cloud
-    save_tensors(
-        run.folder / EXAMPLES,
-        {key: torch.from_numpy(cloud) for key, cloud in tensors.items()},
-        {"names": json.dumps([example.name for example in run.examples])},
-    )
+        clouds = {"input": example.input, "truth": example.truth, "touches": example.touches, **example.predictions}
+        tensors |= {f"{k}/{key}": torch.from_numpy(cloud) for key, cloud in clouds.items() if cloud is not None}
+    names = json.dumps([example.name for example in run.examples])
+    save_tensors(run.folder / EXAMPLES, tensors, {"names": names})
     write_results(run.folder / RESULTS, run.results)
 
 

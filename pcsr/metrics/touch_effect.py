@@ -68,21 +68,19 @@ def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Seque
 
 
 def replace_region(
-    dense: Float[Tensor, "p 3"], truth: Float[Tensor, "t 3"], felt: Bool[Tensor, " t"]
+    dense: Float[Tensor, "p 3"], truth: Float[Tensor, "t 3"], region: Bool[Tensor, " t"]
 ) -> Float[Tensor, "_ 3"]:
-    """The cloud with the truth in place of what it has in the felt region.
+    """Replace the points of a cloud in the touched region by those of the truth.
 
-    A point of the cloud belongs to the region if its nearest point of the truth was felt. Those points go, and the
-    felt points of the truth take their place. So the replaced region has no error at all, less than any sampling of
-    the surface has that is not the truth itself: even a perfect fresh sampling of the region has a touch efficiency
-    below 1, by as much as that sampling's error is of what the network's was there. That is a little where the
-    network was far off, and much where it came near to a fresh sampling. The size of the cloud may change.
+    A point of the cloud belongs to the region if its nearest point of the truth does. The replaced region has no error,
+    which no other sampling of the surface has: even a perfect fresh sampling has a touch efficiency below 1, by the
+    ratio of its error to that of the network in the region. The number of points may change.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
     """
-    inside = felt[nearest(dense[None], truth[None])[0]]
-    return torch.cat([dense[~inside], truth[felt]])
+    inside = region[nearest(dense[None], truth[None])[0]]
+    return torch.cat([dense[~inside], truth[region]])
 
 
 def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) -> Int[Tensor, " t"]:
@@ -98,7 +96,7 @@ def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) ->
 def touch_effect(
     truth: Sequence[Float[Tensor, "t 3"]],
     touches: Sequence[Float[Tensor, "_ 3"]],
-    felt: Sequence[Bool[Tensor, " t"]],
+    regions: Sequence[Bool[Tensor, " t"]],
     touched: Sequence[Float[Tensor, "_ 3"]],
     plain: Sequence[Float[Tensor, "_ 3"]],
     others: Mapping[str, Sequence[Float[Tensor, "_ 3"]]],
@@ -110,7 +108,7 @@ def touch_effect(
     Args:
         truth: of each object, in the unit sphere; so are all the others.
         touches: the touched points of each object, at least one.
-        felt: the points of the truth that count as felt.
+        regions: the points of each truth that belong to the touched region.
         touched: what the network makes with the touches.
         plain: what it makes without.
         others: clouds of baselines by name, for the errors by distance.
@@ -120,7 +118,7 @@ def touch_effect(
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
     """
-    replaced = [replace_region(*of_object) for of_object in zip(plain, truth, felt, strict=True)]
+    replaced = [replace_region(*of_object) for of_object in zip(plain, truth, regions, strict=True)]
     bins = torch.cat([distance_bins(*of_object) for of_object in zip(truth, touches, strict=True)])
     counts = torch.bincount(bins, minlength=len(EDGES))
     errors: dict[str, list[float | None]] = {}

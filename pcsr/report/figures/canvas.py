@@ -1,4 +1,4 @@
-"""Matplotlib figures without pyplot: made, encoded as images, and their text and colours."""
+"""Matplotlib figures without pyplot: construction, encoding as images, text and colours."""
 
 import textwrap
 from io import BytesIO

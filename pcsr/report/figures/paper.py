@@ -76,10 +76,7 @@ def closeups(examples: Sequence[SharedExample], networks: Sequence[str]) -> "Fig
         close = closeup_camera(view, shared)
         pairs = [
             (f"({letter(k)}) {example.name}: {_input_caption(shared)}", _input_layers(shared)),
-            *(
-                (_error_caption(name, one), [_coloured(example.predictions[name], one, end)])
-                for name, one in of_object.items()
-            ),
+            *(_prediction(shared, name, one, end) for name, one in of_object.items()),
             (f"truth, {_count(example.truth)}", [_layer(example.truth, TRUTH)]),
         ]
         columns.append([Panel(caption, view, layers, close, _enlarged(layers)) for caption, layers in pairs])
@@ -95,10 +92,7 @@ def side_by_side(shared: SharedExample) -> "Figure":
     shown = [
         (f"truth, {_count(example.truth)}", [_layer(example.truth, TRUTH)]),
         (_input_caption(shared), _input_layers(shared)),
-        *(
-            (_error_caption(name, one), [_coloured(example.predictions[name], one, end)])
-            for name, one in errors.items()
-        ),
+        *(_prediction(shared, name, one, end) for name, one in errors.items()),
     ]
     panels = [Panel(f"({letter(k)}) {caption}", view, layers) for k, (caption, layers) in enumerate(shown)]
     rows = [panels[k : k + COLUMNS] for k in range(0, len(panels), COLUMNS)]
@@ -119,8 +113,13 @@ def _layer(cloud: Cloud, colour: str) -> Layer:
     return Layer(cloud, _rgb(colour), disc_diameter(len(cloud)))
 
 
-def _coloured(cloud: Cloud, errors: Float[np.ndarray, " n"], end: float) -> Layer:
-    return Layer(cloud, error_colours(errors, end), disc_diameter(len(cloud)))
+def _prediction(
+    shared: SharedExample, name: str, errors: Float[np.ndarray, " n"], end: float
+) -> tuple[str, list[Layer]]:
+    """Caption and layer of a predicted cloud, coloured by its errors."""
+    cloud = shared.example.predictions[name]
+    layer = Layer(cloud, error_colours(errors, end), disc_diameter(len(cloud)))
+    return f"{name}, mean error {errors.mean():.3g} ×10⁻³", [layer]
 
 
 def _input_layers(shared: SharedExample) -> list[Layer]:
@@ -136,10 +135,6 @@ def _rgb(colour: str) -> Float[np.ndarray, "3"]:
 
 def _errors(shared: SharedExample, name: str) -> Float[np.ndarray, " n"]:
     return distance(shared.example.predictions[name], shared.example.truth) * SCALE
-
-
-def _error_caption(name: str, errors: Float[np.ndarray, " n"]) -> str:
-    return f"{name}, mean error {errors.mean():.3g} ×10⁻³"
 
 
 def _input_caption(shared: SharedExample) -> str:

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,7 @@ def variants(runs: Sequence[Results], name: str) -> list[Row]:
             label.removeprefix(prefix),
             [run.methods[0] for run in seeds],
             seeds,
-            seeds[0].settings.evaluate.published,
+            seeds[0].settings.published,
         )
         for label, seeds in zip(labels, by_recipe.values(), strict=True)
     ]
@@ -91,12 +92,9 @@ def variants(runs: Sequence[Results], name: str) -> list[Row]:
 
 def _common_prefix(labels: Sequence[str]) -> str:
     """Common beginning of all labels, up to a hyphen."""
-    prefix = ""
-    for parts in zip(*(label.split("-")[:-1] for label in labels), strict=False):
-        if len(labels) < 2 or len(set(parts)) > 1:
-            break
-        prefix += f"{parts[0]}-"
-    return prefix
+    parts = zip(*(label.split("-")[:-1] for label in labels), strict=False)
+    equal = takewhile(lambda of_all: len(set(of_all)) == 1, parts)
+    return "".join(f"{first}-" for first, *_ in equal) if len(labels) > 1 else ""
 
 
 def baselines(runs: Sequence[Results]) -> list[Row]:

@@ -78,8 +78,8 @@ def _row(split: Split, k: int) -> dict[str, Any]:
     shown = [
         view(f"(a) truth, {len(truth)} points", plain(truth, "truth", 1.6)),
         view(
-            f"(b) {len(points)} points and {len(touches)} touches on "
-            f"{split.felt[k][-1] if len(touches) else 0:.1%} of the surface",
+            f"(b) {len(points)} points and {len(touches)} touches, "
+            f"on {split.felt[k][-1] if len(touches) else 0:.1%} of the true points",
             plain(points, "input", 2.5),
             *([plain(touched, "touch", 2.0)] if len(touched) else []),
         ),
