@@ -8,8 +8,8 @@ from pathlib import Path
 
 from touch_studies import BESIDE, CAMERA, DEPTH, NETWORK, PLAIN, POLICY, POSITION, SIZE, TOUCHES, Row, around, own
 
-from pcsr.report.chart import Line, line_chart
-from pcsr.report.scores import scaled
+from pcsr.report.figures.line_chart import Line, line_chart
+from pcsr.report.tables.scores import scaled
 
 BAND = "band: ± standard error of what touch changes"
 Curves = tuple[Sequence[float | str], dict[str, Line]]

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
-from pcsr.report.results import Results, TouchResult, read_results
-from pcsr.report.scores import scaled
+from pcsr.metrics.touch_effect import TouchEffect
+from pcsr.report.tables.scores import scaled
+from pcsr.results import Results, read_results
 
 METRIC = "cd"
 NETWORK, SIZE, POLICY = "weights.use", "data.touch.object_size", "data.touch.policy"
@@ -57,7 +58,7 @@ class Row:
     """Without touch, the felt region replaced by the truth."""
     beside: dict[str, float]
     """Means of the baselines."""
-    effect: TouchResult
+    effect: TouchEffect
     label: str
     """`cd ×10³`."""
     scale: float

@@ -16,7 +16,7 @@ from touch_studies import BESIDE, HEADS, NETWORK, PLAIN, STUDIES, Row, around, r
 from pcsr.errors import PcsrError, UserError
 from pcsr.files import write_text
 from pcsr.metrics.touch_effect import EFFICIENCY, efficiency
-from pcsr.report.scores import efficiency_cell
+from pcsr.report.tables.scores import efficiency_cell
 
 
 def table(rows: Sequence[Row], keys: Sequence[str]) -> str:

@@ -24,6 +24,7 @@ PACKAGES = {
     "embreex": Package("embreex", "simulate", frozenset({"aarch64"})),
     "manifold3d": Package("manifold3d", "simulate"),
     "plotly": Package("plotly", "report"),
+    "matplotlib": Package("matplotlib", "report"),
     "pypcd4": Package("pypcd4", "pcd"),
     "laspy": Package("laspy", "las"),
     "lazrs": Package("lazrs", "las"),

@@ -67,6 +67,15 @@ def _write_text(part: Path, text: str) -> None:
     part.write_text(text, encoding="utf-8")
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a binary file whole."""
+    write_whole(path, lambda part: _write_bytes(part, data))
+
+
+def _write_bytes(part: Path, data: bytes) -> None:
+    part.write_bytes(data)
+
+
 def save_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: dict[str, str]) -> None:
     """Write a safetensors file whole."""
     from safetensors import SafetensorError

@@ -1,91 +1,240 @@
-"""What an evaluation leaves in the run folder: all numbers, object by object, and a few clouds to look at."""
+"""Results of an evaluation: the schema of `results.json`, filled by the evaluation and read by the report."""
 
-import datetime
 import json
-import os
-from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import torch
+from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-import pcsr
-from pcsr.data.dataset import Split
-from pcsr.experiments.evaluation import Scores
-from pcsr.files import save_tensors
-from pcsr.metrics import METRICS
-from pcsr.recipe import Recipe
+from pcsr.errors import UserError
+from pcsr.files import write_text
+from pcsr.metrics.touch_effect import TouchEffect
+from pcsr.mistakes import explained
+
+BOUND = "floor"
+"""Name of the baseline that samples the true surface: never the best of a column, and not used to choose decimals."""
+RERUN = "do `pcsr run` again"
+
+Record = TypeVar("Record", bound=BaseModel)
 
 
-def gathered(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
-    """What `results.json` says of an evaluation.
+class Data(BaseModel):
+    """Clouds on which methods were compared."""
+
+    shapes: str
+    split: str
+    points: int
+    truth: int
+    rate: int
+    touches: int
+    sampling: str
+    seed: int | None = None
+    """Seed of the clouds; None in results of pcsr 0.1.0."""
+    normalisation: str
+    object_size: int | float | None = None
+    """Longest side of an object, in mm."""
+    coverage: float | None = None
+    """Fraction of the true points that were touched, 0 to 1."""
+    left_out: int = 0
+    """Objects that were rejected as unusable."""
+    fingerprint: str | None = None
+
+
+class MetricNote(BaseModel):
+    """Description of a metric, and the factor by which its values are multiplied for display."""
+
+    description: str
+    scale: int | float
+
+
+class MethodResult(BaseModel):
+    """Result of one method: `values[metric]` has one number for each object."""
+
+    name: str
+    parameters: int
+    seconds: float
+    """Wall time for one cloud; `Results.timing` names the average."""
+    values: dict[str, list[FiniteFloat]]
+
+
+class Training(BaseModel):
+    """Origin of the weights. Keys that the weights' card has beyond these are kept."""
+
+    model_config = ConfigDict(extra="allow")
+
+    seconds: int | float | None = None
+    steps: int | None = None
+    device: str | None = None
+    threads: int | None = None
+    validation: dict[str, Any] | None = None
+    """Validated metrics at the end of the training."""
+    source: str = "of unknown source"
+    other_code: str | None = None
+    """How the code of the parts differs from the code that trained the weights; None if it does not."""
+
+
+class RecipeSettings(BaseModel):
+    """Settings of a recipe that reports read."""
+
+    epochs: int | None = Field(None, ge=1, validation_alias=AliasPath("train", "epochs"))
+    published: dict[str, float] = Field({}, validation_alias=AliasPath("evaluate", "published"))
+    """Published values, by metric or column."""
+
+
+class Results(BaseModel):
+    """Content of `results.json`.
+
+    The first method is the recipe's own network, the second the baseline that wins are counted against. A field that
+    is not set is not written.
+    """
+
+    name: str
+    fingerprint: str
+    seed: int
+    version: str
+    recipe: dict[str, Any]
+    data: Data
+    metrics: dict[str, MetricNote] = Field(min_length=1)
+    objects: list[str] = Field(min_length=1)
+    groups: list[str]
+    methods: list[MethodResult] = Field(min_length=1)
+    touch: TouchEffect | None = None
+    """None without touches, and in results of pcsr 0.1.0."""
+    training: Training = Training()
+    timing: str = "mean"
+    """Average that `MethodResult.seconds` are: the mean in results of pcsr 0.1.0, else the median."""
+    hardware: dict[str, Any] = {}
+    created: str
+
+    @property
+    def folder_name(self) -> str:
+        """Name of the run folder."""
+        return f"{self.name}-{self.fingerprint[:8]}"
+
+    @property
+    def baseline(self) -> str | None:
+        """Name of the method that the others are compared with; None if there is only one method."""
+        return self.methods[1].name if len(self.methods) > 1 else None
+
+    @property
+    def settings(self) -> RecipeSettings:
+        """Settings of the recipe that reports read."""
+        return RecipeSettings.model_validate(self.recipe)
+
+    @property
+    def seconds_per_epoch(self) -> float | None:
+        """Wall time of one epoch of the training; None where the weights' card has no time."""
+        seconds, epochs = self.training.seconds, self.settings.epochs
+        return None if seconds is None or epochs is None else seconds / epochs
+
+    @property
+    def timed(self) -> str:
+        """Description of `MethodResult.seconds`, with the machine."""
+        return f"{self.timing} wall time for one cloud{f' ({self.machine})' if self.machine else ''}"
+
+    @property
+    def machine(self) -> str:
+        """Hardware and load, as text."""
+        return ", ".join(
+            f"{key} {f'{value:.1f}' if isinstance(value, float) else value}"
+            for key, value in self.hardware.items()
+            if value is not None
+        )
+
+    @model_validator(mode="after")
+    def _check_recipe(self) -> "Results":
+        try:
+            settings = self.settings
+        except ValidationError as error:
+            raise ValueError(f"recipe.{_first_mistake(error)}") from error
+        if self.training.seconds is not None and settings.epochs is None:
+            raise ValueError("recipe.train.epochs is missing, by which training.seconds is divided")
+        return self
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> "Results":
+        if len(self.groups) != len(self.objects):
+            raise ValueError(f"{len(self.objects)} objects but {len(self.groups)} groups")
+        for method in self.methods:
+            for metric in self.metrics:
+                found = len(method.values.get(metric, ()))
+                if found != len(self.objects):
+                    raise ValueError(f"'{method.name}' has {found} values of {metric} for {len(self.objects)} objects")
+        if self.touch is not None:
+            for key in ("touched", "plain", "replaced"):
+                if (found := len(getattr(self.touch, key))) != len(self.objects):
+                    raise ValueError(f"touch.{key} has {found} values for {len(self.objects)} objects")
+        return self
+
+
+def validated(model: type[Record], data: object, source: str, remedy: str) -> Record:
+    """Validate data against a model of this file.
 
     Args:
-        recipe: as it was run.
-        split: what it was measured on.
-        scores: of each method, the recipe's own first.
-        source: where the weights came from, and how they were trained.
+        model: a class of this file.
+        data: nested dicts, as JSON gives them.
+        source: where the data come from, for the message.
+        remedy: what to do about a mistake.
+
+    Raises:
+        UserError: a key is missing or of the wrong type, or lists differ in length.
     """
-    data = recipe.data
-    return {
-        "name": recipe.name,
-        "fingerprint": recipe.fingerprint,
-        "seed": recipe.seed,
-        "version": pcsr.__version__,
-        "recipe": recipe.resolved(),
-        "data": {
-            "shapes": data.shapes.use,
-            "split": "test",
-            "points": data.points,
-            "truth": data.points * data.rate,
-            "rate": data.rate,
-            "touches": data.touches,
-            "sampling": data.sampling,
-            "seed": recipe.data_seed,
-            "normalisation": "compared in the frame in which the truth fills the unit sphere",
-            "object_size": data.touch.options.get("object_size"),
-            "coverage": split.coverage(data.touches),
-            "left_out": len(split.about["rejected"]),
-            "fingerprint": split.about["fingerprint"],
-        },
-        "metrics": {
-            name: {"description": METRICS[name].description, "scale": METRICS[name].scale}
-            for name in recipe.evaluate.metrics
-        },
-        "objects": split.names,
-        "groups": split.groups,
-        "methods": [
-            {
-                "name": s.method.name,
-                "parameters": s.method.parameters,
-                "seconds": s.seconds,
-                "values": s.values,
-            }
-            for s in scores
-        ],
-        "touch": None if scores[0].touch is None else asdict(scores[0].touch),
-        "training": source,
-        "timing": "median",
-        "hardware": {
-            "cores": os.cpu_count(),
-            "threads": scores[0].threads,
-            "load": scores[0].load,
-            "torch": torch.__version__,
-        },
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise UserError(f"{source}: {_first_mistake(error)}; {remedy}") from error
 
 
-def save_examples(path: Path, recipe: Recipe, split: Split, scores: Sequence[Scores]) -> None:
-    """The clouds that the report shows: the objects with the most touched surface would flatter, so the first ones."""
-    chosen = range(min(recipe.evaluate.examples, len(split)))
-    tensors = {}
-    for k in chosen:
-        tensors[f"{k}/input"] = split.points[k]
-        tensors[f"{k}/truth"] = split.truth[k]
-        if recipe.data.touches:
-            tensors[f"{k}/touches"] = split.touches[k][: recipe.data.touches].flatten(0, 1)
-        for s in scores:
-            tensors[f"{k}/{s.method.name}"] = torch.from_numpy(s.dense[k]).float()
-    save_tensors(path, tensors, {"names": json.dumps([split.names[k] for k in chosen])})
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, first["loc"]))
+    return f"{where}: {explained([first])}" if where else explained([first])
+
+
+def parse_results(data: object, source: str = "the results") -> Results:
+    """Validate results that were read from JSON.
+
+    Raises:
+        UserError: a key is missing or of the wrong type, or a method lacks values.
+    """
+    return validated(Results, data, source, RERUN)
+
+
+def read_results(path: Path) -> Results:
+    """Read `results.json` of a finished run.
+
+    Raises:
+        UserError: the file is missing or malformed.
+    """
+    try:
+        data = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise UserError(f"{path}:{error.lineno}: {error.msg}; {RERUN}") from error
+    except RecursionError as error:
+        raise UserError(f"{path}: nested too deeply; {RERUN}") from error
+    if not isinstance(data, dict):
+        raise UserError(f"{path}: not a JSON object; {RERUN}")
+    return parse_results(data, str(path))
+
+
+def write_results(path: Path, results: Results) -> None:
+    """Write `results.json`, whole or not at all.
+
+    Raises:
+        RunError: the file can't be written.
+    """
+    write_text(path, json.dumps(results.model_dump(exclude_unset=True), indent=1))
+
+
+def read_text(path: Path) -> str:
+    """Read a text file of a run folder.
+
+    Raises:
+        UserError: the file is missing, can't be read or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise UserError(f"{path} is missing; {RERUN}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} can't be read: {error}; {RERUN}") from error

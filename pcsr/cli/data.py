@@ -87,7 +87,7 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
 
     from pcsr.data.shards import read_manifest
     from pcsr.extras import require
-    from pcsr.report.data_page import write_data_page
+    from pcsr.report.web.data_page import write_data_page
 
     require({"plotly": "the page of pictures"})
     console = Console()

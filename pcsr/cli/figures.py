@@ -21,7 +21,10 @@ def figures(runs: tuple[Path, ...], out: Path) -> None:
     pcsr figures runs/tapsr-1a2b3c4d
     pcsr figures runs/without-5e6f7a8b runs/tapsr-1a2b3c4d -o figures/fig5
     """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.extras import require
     from pcsr.report import write_figures
+    from pcsr.run_files import read_run
 
-    for path in write_figures(runs, out):
+    require({"matplotlib": "a figure"})
+    for path in write_figures([read_run(folder) for folder in runs], out):
         click.echo(str(path))

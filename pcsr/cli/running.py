@@ -119,18 +119,18 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
                 f"place of the first: give one of them a `name:` of its own"
             )
         folders[folder] = one.name
-    everything = []
+    finished = []
     for one in recipes:
-        results = run(one, registry, place, console)
-        if results:  # one process of several has them
-            everything.append(results)
-            console.print(report.table(results))
-            console.print(f"report: {run_folder(one, place) / 'report.html'}", soft_wrap=True, markup=False)
-    if len(everything) > 1:
+        done = run(one, registry, place, console)
+        if done is not None:  # None in all processes but the first
+            finished.append(done)
+            console.print(report.table(done.results))
+            console.print(f"report: {done.folder / report.REPORT}", soft_wrap=True, markup=False)
+    if len(finished) > 1:
         wide = console if console.is_terminal else Console(width=WIDTH)
-        for one_table in report.compare(everything, name):
-            wide.print(one_table.on_screen())
-        page = report.write_comparison(everything, name, place.runs)
+        for one_table in report.compare([done.results for done in finished], name):
+            wide.print(one_table)
+        page = report.write_comparison(finished, name, place.runs)
         console.print(f"all of them: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():
         # Left to the end of the process, its threads may still run then, and it would abort.

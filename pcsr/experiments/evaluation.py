@@ -1,4 +1,4 @@
-"""Evaluation: a network beside baselines on one split, every metric for every object."""
+"""Evaluation: a network and baselines on one split, every metric for every object."""
 
 import os
 import time
@@ -20,6 +20,7 @@ from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
+from pcsr.results import MethodResult, validated
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
@@ -29,39 +30,37 @@ Cloud = Float[np.ndarray, "n 3"]
 
 @dataclass(frozen=True)
 class Method:
-    """Something that makes a sparse cloud dense."""
+    """An upsampling method to compare."""
 
     name: str
     parameters: int
     upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
-    """Sparse cloud and touches, in one frame, to the dense cloud in that frame.
+    """Function of the sparse cloud and the touches, in one frame, that returns the dense cloud in that frame.
 
-    None: it is given neither, and samples the true surface (`floor`).
+    None: the method samples the true surface (`floor`).
     """
 
 
 @dataclass(frozen=True)
-class Scores:
-    """What one method reached."""
+class Evaluation:
+    """Results of all methods on one split."""
 
-    method: Method
-    seconds: float
-    """Median wall time for a cloud."""
-    values: dict[str, list[float]]
-    """Metric by name, one value for each object."""
-    dense: Float[np.ndarray, "k rn 3"]
-    touch: TouchEffect | None = None
-    """What touch does to the recipe's own network; None for baselines, and without touches."""
-    threads: int = 1
-    """With which it was timed."""
-    load: float | None = None
-    """The machine's load average of the minute before; None where the system has none."""
+    methods: list[MethodResult]
+    """In the order in which the methods were given; seconds are the median over objects."""
+    touch: TouchEffect | None
+    """Effect of touch on the first method; None without touches."""
+    dense: list[Float[np.ndarray, "k rn 3"]]
+    """Dense clouds of each method."""
+    threads: list[int]
+    """Torch threads that each method was timed with."""
+    load: float | None
+    """Load average of the machine over the minute before; None where the system has none."""
 
 
 def methods(recipe: Recipe, network: Network) -> list[Method]:
-    """The recipe's network and the baselines that it wants beside it."""
+    """The recipe's network, and the baselines that the recipe names."""
     rate = recipe.data.rate
-    passes = 2 if rate >= 16 else 1  # 16x as 4x twice, as the field does it and as is much better
+    passes = 2 if rate >= 16 else 1  # 16x as 4x twice, as is usual and much better
     baselines = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes), "floor": None}
     ours = Method(
         recipe.name,
@@ -72,7 +71,7 @@ def methods(recipe: Recipe, network: Network) -> list[Method]:
 
 
 def needs_meshes(recipe: Recipe) -> bool:
-    """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
+    """Whether the evaluation of a recipe needs the true surfaces."""
     return "floor" in recipe.evaluate.baselines or _measured_on_meshes(recipe)
 
 
@@ -81,16 +80,16 @@ def _measured_on_meshes(recipe: Recipe) -> bool:
 
 
 def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
-    """The true surface sampled once more: the error that is left to an upsampler which knows the surface.
+    """Second sample of the true surface: the error that remains for an upsampler that knows the surface.
 
-    Blue noise that is independent of the truth, since its random numbers are another stream of the object's seed. An
-    upsampler may come a little below it where it keeps points of a sparse cloud that is a part of the truth.
+    Blue noise, independent of the truth: its random numbers are another stream of the object's seed. An upsampler may
+    have a slightly lower error where it keeps points of a sparse cloud that is a part of the truth.
 
     Args:
-        mesh: the true surface, in the frame in which the cloud is wanted.
-        count: how many points.
-        seed: of the data.
-        name: the object's.
+        mesh: the true surface, in the frame of the returned cloud.
+        count: number of points.
+        seed: seed of the data.
+        name: name of the object.
 
     Raises:
         UserError: the surface has no area.
@@ -107,58 +106,61 @@ def evaluate(
     *,
     jobs: int | None = None,
     advance: Callable[[], None] = lambda: None,
-) -> list[Scores]:
-    """Let every method upsample every object, then measure.
+) -> Evaluation:
+    """Upsample every object by every method, and measure the dense clouds.
 
     Clouds are compared in the frame in which the truth fills the unit sphere; `p2f` too. Where there are touches, the
-    first method upsamples each object a second time without them, to tell what they do. That doubles its time here,
-    but not its `seconds`: it is timed apart.
+    first method upsamples each object a second time without them, which measures their effect. The second pass is not
+    part of the method's `seconds`.
 
     Args:
-        recipe: says how many touches and which metrics.
+        recipe: gives the number of touches, and the metrics.
         registry: gives the meshes, if a metric or a method needs them.
-        compared: what to compare; the first is the recipe's own network.
-        split: what to compare on.
+        compared: methods to compare; the first is the recipe's own network.
+        split: objects to compare the methods on.
         jobs: processes that measure; all cores by default.
-        advance: called whenever one object was upsampled or measured, 2·k times for each method.
+        advance: called after an object was upsampled or measured, 2·k times for each method.
+
+    Raises:
+        UserError: a metric is not finite.
     """
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
-    made: list[_Timed] = []
+    runs: list[_Timed] = []
     plain = _Timed([], [])
     used: list[int] = []
     for position, method in enumerate(compared):
-        made.append(_Timed([], []))
+        runs.append(_Timed([], []))
         with threads(deserved(points_at_once(recipe), method.parameters)) as count:
             used.append(count)
             for i, mesh in enumerate(meshes):
                 points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
                 if method.upsample is not None:
-                    made[-1].add(method.upsample, points, touches)
+                    runs[-1].add(method.upsample, points, touches)
                     if position == 0 and touches:
                         plain.add(method.upsample, points, [])
                 elif mesh is not None:
-                    made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
+                    runs[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
                 advance()
     tasks = [
         _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
-        for timed in made
+        for timed in runs
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
     measured = _measured(tasks, jobs, advance)
-    touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
-    scores: list[Scores] = []
-    for method, timed, count in zip(compared, made, used, strict=True):
+    touch = _touch_effect(recipe, split, compared, runs, plain) if plain.clouds else None
+    results = []
+    for method, timed in zip(compared, runs, strict=True):
         rows = [next(measured) for _ in range(len(split))]
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
-        effect = None if scores else touch
-        scores.append(Scores(method, timed.median, values, np.stack(timed.clouds), effect, count, load))
-    return scores
+        result = {"name": method.name, "parameters": method.parameters, "seconds": timed.median, "values": values}
+        results.append(validated(MethodResult, result, f"method '{method.name}'", "mend the metric, or leave it out"))
+    return Evaluation(results, touch, [np.stack(timed.clouds) for timed in runs], used, load)
 
 
 @dataclass(frozen=True)
 class _Timed:
-    """One method's clouds, and how long each took."""
+    """Clouds of one method, and the wall time of each."""
 
     clouds: list[Cloud]
     seconds: list[float]
@@ -182,7 +184,7 @@ class _Task:
 
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
-    """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
+    """Vertices and faces of each object in the truth's frame; None if no metric and no method needs them."""
     if not _measured_on_meshes(recipe) and all(method.upsample for method in compared):
         return [None] * len(split)
     shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
@@ -194,16 +196,18 @@ def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], spli
 
 
 def _touch_effect(
-    recipe: Recipe, split: Split, compared: Sequence[Method], made: Sequence[_Timed], plain: _Timed
+    recipe: Recipe, split: Split, compared: Sequence[Method], runs: Sequence[_Timed], plain: _Timed
 ) -> TouchEffect:
-    """What touch does to the first method."""
+    """Effect of touch on the first method."""
     touches = [touch[: recipe.data.touches] for touch in split.touches]
-    felt = [felt_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)]
-    with_touches, *others = ([_tensor(cloud) for cloud in timed.clouds] for timed in made)
+    touched = [
+        felt_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)
+    ]
+    with_touches, *others = ([_tensor(cloud) for cloud in timed.clouds] for timed in runs)
     return touch_effect(
         split.truth,
         [touch.flatten(0, 1) for touch in touches],
-        [torch.from_numpy(mask) for mask in felt],
+        [torch.from_numpy(mask) for mask in touched],
         with_touches,
         [_tensor(cloud) for cloud in plain.clouds],
         dict(zip((method.name for method in compared[1:]), others, strict=True)),
@@ -213,8 +217,8 @@ def _touch_effect(
 
 
 def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
-    """The metrics of each task, in order."""
-    few = len(tasks) < 8  # starting processes costs more than it saves
+    """Metrics of each task, in order."""
+    few = len(tasks) < 8  # starting processes would take longer than they save
     with worker_pool(1 if few else jobs) as workers:
         for result in workers.map(_measure, tasks):
             advance()

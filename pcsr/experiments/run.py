@@ -1,33 +1,34 @@
 """A recipe to a run folder: data, training, evaluation, results and report."""
 
+import datetime
 import functools
-import json
 import os
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from rich.console import Console
 
+import pcsr
 from pcsr import report
+from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import evaluate, methods, needs_meshes
+from pcsr.experiments.evaluation import Evaluation, evaluate, methods, needs_meshes
 from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
-from pcsr.files import write_text
+from pcsr.metrics import METRICS
 from pcsr.metrics.emd import EXACT
 from pcsr.plugins.registry import Registry
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
-from pcsr.results import gathered, save_examples
+from pcsr.results import Data, MetricNote, Results, Training, validated
+from pcsr.run_files import HISTORY, Example, FinishedRun, read_history, write_run
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
-
-RESULTS = "results.json"
-EXAMPLES = "examples.safetensors"
 
 
 def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]:
@@ -44,14 +45,14 @@ def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]
     return needed
 
 
-def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
-    """Do whatever of a recipe isn't done yet, and evaluate.
+def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> FinishedRun | None:
+    """Train and evaluate a recipe, as far as that is not done yet.
 
     Training is skipped where the recipe names weights, and where finished weights of exactly this recipe, and of the
     code of its parts, are in the run folder or shipped.
 
     Returns:
-        The results, which also stand in the run folder beside the report.
+        The run, as it is written into the run folder beside the report; None in all processes but the first.
     """
     folder = run_folder(recipe, place)
     fabric = _fabric(recipe, place)
@@ -60,19 +61,90 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
         network, source = trained(recipe, registry, fingerprint, data, fabric, place, progress)
         if not fabric.is_global_zero:
-            return {}
+            return None
         test = data("test", progress)
         if recipe.evaluate.objects is not None:
             test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
-        scores = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
-    results = gathered(recipe, test, scores, source)
-    save_examples(folder / EXAMPLES, recipe, test, scores)
-    write_text(folder / RESULTS, json.dumps(results, indent=1))
-    report.write(folder)
-    return results
+        evaluation = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
+    results = results_of(recipe, test, evaluation, source)
+    finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
+    write_run(finished)
+    report.write_page(finished)
+    return finished
+
+
+def results_of(recipe: Recipe, split: Split, evaluation: Evaluation, training: dict[str, Any]) -> Results:
+    """The results of a run.
+
+    Args:
+        recipe: the recipe that was run.
+        split: the objects that the methods were compared on.
+        evaluation: what `evaluate` returned.
+        training: origin of the weights; the fields of `pcsr.results.Training`.
+
+    Raises:
+        UserError: a value of `training` is of the wrong type, as in a damaged card of weights.
+    """
+    data = recipe.data
+    return Results(
+        name=recipe.name,
+        fingerprint=recipe.fingerprint,
+        seed=recipe.seed,
+        version=pcsr.__version__,
+        recipe=recipe.resolved(),
+        data=Data(
+            shapes=data.shapes.use,
+            split="test",
+            points=data.points,
+            truth=data.points * data.rate,
+            rate=data.rate,
+            touches=data.touches,
+            sampling=data.sampling,
+            seed=recipe.data_seed,
+            normalisation="compared in the frame in which the truth fills the unit sphere",
+            object_size=data.touch.options.get("object_size"),
+            coverage=split.coverage(data.touches),
+            left_out=len(split.about["rejected"]),
+            fingerprint=split.about["fingerprint"],
+        ),
+        metrics={
+            name: MetricNote(description=METRICS[name].description, scale=METRICS[name].scale)
+            for name in recipe.evaluate.metrics
+        },
+        objects=list(split.names),
+        groups=list(split.groups),
+        methods=evaluation.methods,
+        touch=evaluation.touch,
+        training=validated(Training, training, "the card of the weights: training", "train the weights again"),
+        timing="median",
+        hardware={
+            "cores": os.cpu_count(),
+            "threads": evaluation.threads[0],
+            "load": evaluation.load,
+            "torch": torch.__version__,
+        },
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+
+
+def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Example]:
+    """The clouds that the report shows: those of the first objects, so that none is chosen by its result."""
+    return [
+        Example(
+            split.names[k],
+            split.points[k].numpy(),
+            split.touches[k][: recipe.data.touches].flatten(0, 1).numpy() if recipe.data.touches else None,
+            split.truth[k].numpy(),
+            {
+                method.name: clouds[k].astype(np.float32)
+                for method, clouds in zip(evaluation.methods, evaluation.dense, strict=True)
+            },
+        )
+        for k in range(min(recipe.evaluate.examples, len(split)))
+    ]
 
 
 def _fabric(recipe: Recipe, place: Place) -> "Fabric":

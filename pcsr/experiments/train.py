@@ -27,6 +27,7 @@ from pcsr.network.load import load_training, save_training
 from pcsr.network.network import Network, build
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
+from pcsr.run_files import HISTORY
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.weights.file import read_file
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
 CHECKPOINT = "checkpoint.safetensors"
-HISTORY = "metrics.jsonl"
 WATCHED = 16
 """Objects of the validation split that are measured on the way: enough to see where it goes."""
 

@@ -15,7 +15,7 @@ from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
 from pcsr.experiments.run_options import Place, run_folder
-from pcsr.experiments.train import CHECKPOINT, HISTORY, train
+from pcsr.experiments.train import CHECKPOINT, train
 from pcsr.files import write_text
 from pcsr.network.load import load_weights, save_weights
 from pcsr.network.network import Network
@@ -23,6 +23,7 @@ from pcsr.network.origins import other_code
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
+from pcsr.run_files import HISTORY
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric

@@ -1,4 +1,4 @@
-"""One cloud beside the true one: every metric by its name, in a frame that is said."""
+"""Metrics of one cloud against the true cloud, in a frame that the caller names."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,23 +16,23 @@ from pcsr.metrics.emd import check_sizes
 from pcsr.threads import threads
 
 LARGEST, SMALLEST = 1e150, 1e-150
-"""Coordinates whose squares doubles hold."""
+"""Largest and smallest coordinate whose square fits a double."""
 UNCHANGED = UnitSphere(np.zeros(3), 1.0)
 
 
 def evaluate(
     prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | str | None = None
 ) -> dict[str, float]:
-    """Every metric of a cloud by its name, unscaled.
+    """Compute the metrics of a cloud, unscaled, by their names.
 
     Args:
-        prediction: the cloud to judge, of any kind that `Model.upsample` takes.
+        prediction: the cloud to measure, of any type that `Model.upsample` accepts.
         truth: the true cloud.
         mesh: the true surface (trimesh, or vertices and faces), for the metrics that need it.
         frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
             cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
-        metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size, which
-            above 1024 points takes the extra `[train]`.
+        metrics: names of metrics; by default all that can be computed: `p2f` with a mesh, `emd` of clouds of one size,
+            which above 1024 points needs the extra `[train]`.
 
     Raises:
         UserError: an unknown name or frame, a metric that cannot be measured, points that are not finite, or clouds of
@@ -71,11 +71,11 @@ def evaluate(
 
 
 def why_no_emd(prediction: int, truth: int) -> str:
-    """Why `evaluate` leaves the earth mover's distance out by default; empty where it is measured.
+    """Reason why `evaluate` leaves out the earth mover's distance by default; empty where it is computed.
 
     Args:
-        prediction: how many points the cloud has.
-        truth: how many the true one has.
+        prediction: number of points of the cloud.
+        truth: number of points of the true cloud.
     """
     try:
         check_sizes(prediction, truth)
@@ -96,7 +96,11 @@ def _finite(cloud: Float[np.ndarray, "n 3"], which: str) -> Float[np.ndarray, "n
 
 
 def _scaled(cloud: Float[np.ndarray, "n 3"], sphere: UnitSphere, frame: str) -> Float[np.ndarray, "n 3"]:
-    """A cloud in the frame of a sphere, if the squares of its coordinates there are numbers that doubles hold."""
+    """Cloud in the frame of a sphere.
+
+    Raises:
+        UserError: the square of a coordinate does not fit a double.
+    """
     with np.errstate(over="ignore", under="ignore"):
         inside: Float[np.ndarray, "n 3"] = (cloud - sphere.centre) / sphere.radius
     largest = float(np.abs(inside).max())

@@ -1,11 +1,11 @@
-"""What touch does to a network: how much of the felt region's error it takes away, and how far from there it helps."""
+"""Effect of touch on a network: the share of the touched region's error that it removes, and error by distance."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Int
+from pydantic import BaseModel, FiniteFloat, model_validator
 from torch import Tensor
 
 from pcsr.metrics.chamfer import chamfer
@@ -15,32 +15,45 @@ EDGES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Where the bins of distance to the nearest touched point begin, in radii of the unit sphere; the last has no end."""
 EFFICIENCY = "touch efficiency"
 DEFINITION = (
-    "what touch takes off the mean Chamfer distance, as a share of what it would take off if the felt region came out "
-    "without error: (without - with) / (without - felt region replaced by the truth)"
+    "what touch takes off the mean Chamfer distance, as a share of what it would take off if the touched region came "
+    "out without error: (without - with) / (without - touched region replaced by the truth)"
 )
 
 
-@dataclass(frozen=True)
-class TouchEffect:
+class TouchEffect(BaseModel):
     """One network with touches and without, on the same objects, in the frame in which the truth fills the unit sphere.
 
     Chamfer distances are one for each object; errors are means over the truth's points of all objects, for each bin
     of `EDGES`, and None where a bin has no points.
     """
 
-    touched: list[float]
+    touched: list[FiniteFloat]
     """Chamfer distance with touches."""
-    plain: list[float]
-    """Without."""
-    replaced: list[float]
-    """Without, but with the felt region replaced by the truth (`replace_region`)."""
+    plain: list[FiniteFloat]
+    """Chamfer distance without touches."""
+    replaced: list[FiniteFloat]
+    """Chamfer distance without touches, after the touched region was replaced by the truth (`replace_region`)."""
     seconds: float
-    """Mean wall time for a cloud without touches."""
-    edges: list[float]
+    """Median wall time for a cloud without touches; the mean in results of pcsr 0.1.0."""
+    edges: list[FiniteFloat]
+    """Lower ends of the bins."""
     counts: list[int]
     """Points of the truth in each bin."""
-    errors: dict[str, list[float | None]]
-    """Of each cloud's name: mean squared distance from a point of the truth to the nearest of the cloud."""
+    errors: dict[str, list[FiniteFloat | None]]
+    """For each method: mean squared distance from a point of the truth to the nearest point of the method's cloud."""
+
+    @property
+    def efficiency(self) -> float | None:
+        """Touch efficiency over all objects; None where the touched region holds no error."""
+        return efficiency(self.touched, self.plain, self.replaced)
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> "TouchEffect":
+        sizes = {"counts": len(self.counts), **{name: len(row) for name, row in self.errors.items()}}
+        for key, found in sizes.items():
+            if found != len(self.edges):
+                raise ValueError(f"'{key}' has {found} values for {len(self.edges)} distances")
+        return self
 
 
 def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Sequence[float]) -> float | None:
@@ -55,21 +68,19 @@ def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Seque
 
 
 def replace_region(
-    dense: Float[Tensor, "p 3"], truth: Float[Tensor, "t 3"], felt: Bool[Tensor, " t"]
+    dense: Float[Tensor, "p 3"], truth: Float[Tensor, "t 3"], region: Bool[Tensor, " t"]
 ) -> Float[Tensor, "_ 3"]:
-    """The cloud with the truth in place of what it has in the felt region.
+    """Replace the points of a cloud in the touched region by those of the truth.
 
-    A point of the cloud belongs to the region if its nearest point of the truth was felt. Those points go, and the
-    felt points of the truth take their place. So the replaced region has no error at all, less than any sampling of
-    the surface has that is not the truth itself: even a perfect fresh sampling of the region has a touch efficiency
-    below 1, by as much as that sampling's error is of what the network's was there. That is a little where the
-    network was far off, and much where it came near to a fresh sampling. The size of the cloud may change.
+    A point of the cloud belongs to the region if its nearest point of the truth does. The replaced region has no error,
+    which no other sampling of the surface has: even a perfect fresh sampling has a touch efficiency below 1, by the
+    ratio of its error to that of the network in the region. The number of points may change.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
     """
-    inside = felt[nearest(dense[None], truth[None])[0]]
-    return torch.cat([dense[~inside], truth[felt]])
+    inside = region[nearest(dense[None], truth[None])[0]]
+    return torch.cat([dense[~inside], truth[region]])
 
 
 def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) -> Int[Tensor, " t"]:
@@ -85,7 +96,7 @@ def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) ->
 def touch_effect(
     truth: Sequence[Float[Tensor, "t 3"]],
     touches: Sequence[Float[Tensor, "_ 3"]],
-    felt: Sequence[Bool[Tensor, " t"]],
+    regions: Sequence[Bool[Tensor, " t"]],
     touched: Sequence[Float[Tensor, "_ 3"]],
     plain: Sequence[Float[Tensor, "_ 3"]],
     others: Mapping[str, Sequence[Float[Tensor, "_ 3"]]],
@@ -97,7 +108,7 @@ def touch_effect(
     Args:
         truth: of each object, in the unit sphere; so are all the others.
         touches: the touched points of each object, at least one.
-        felt: the points of the truth that count as felt.
+        regions: the points of each truth that belong to the touched region.
         touched: what the network makes with the touches.
         plain: what it makes without.
         others: clouds of baselines by name, for the errors by distance.
@@ -107,7 +118,7 @@ def touch_effect(
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
     """
-    replaced = [replace_region(*of_object) for of_object in zip(plain, truth, felt, strict=True)]
+    replaced = [replace_region(*of_object) for of_object in zip(plain, truth, regions, strict=True)]
     bins = torch.cat([distance_bins(*of_object) for of_object in zip(truth, touches, strict=True)])
     counts = torch.bincount(bins, minlength=len(EDGES))
     errors: dict[str, list[float | None]] = {}
@@ -116,13 +127,13 @@ def touch_effect(
         sums = torch.bincount(bins, torch.cat(squared).double(), len(EDGES))
         errors[label] = [total / n if n else None for total, n in zip(sums.tolist(), counts.tolist(), strict=True)]
     return TouchEffect(
-        _chamfer(touched, truth),
-        _chamfer(plain, truth),
-        _chamfer(replaced, truth),
-        seconds,
-        list(EDGES),
-        counts.tolist(),
-        errors,
+        touched=_chamfer(touched, truth),
+        plain=_chamfer(plain, truth),
+        replaced=_chamfer(replaced, truth),
+        seconds=seconds,
+        edges=list(EDGES),
+        counts=counts.tolist(),
+        errors=errors,
     )
 
 

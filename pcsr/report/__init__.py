@@ -1,83 +1,89 @@
-"""The report of a run: one self-contained page, the table of its numbers for the screen, and pictures as PNG files."""
+"""Report of runs: an HTML page for one or several, tables for the terminal, and figures as PNG files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-from PIL.Image import Image
+from typing import Literal
 
 from pcsr.errors import UserError
-from pcsr.files import write_text
-from pcsr.report.comparison import compare, folder_of, page
-from pcsr.report.page import plotly_source, render
-from pcsr.report.results import parse_results, read_examples, read_history, read_results
-from pcsr.report.table import table
+from pcsr.files import write_bytes, write_text
+from pcsr.report.run_set import run_set
+from pcsr.report.tables.comparison import compare
+from pcsr.report.tables.run_table import table
+from pcsr.report.web.comparison_page import comparison_page
+from pcsr.report.web.document import plotly_source
+from pcsr.report.web.page import render
+from pcsr.run_files import FinishedRun
 
-__all__ = ["compare", "table", "write", "write_comparison", "write_figures"]
+__all__ = ["compare", "table", "write_comparison", "write_figures", "write_page"]
 
 REPORT = "report.html"
 
 
-def write(run: Path) -> Path:
-    """Write the report of a run folder into it, whole or not at all.
-
-    Args:
-        run: a folder with `results.json` and `examples.safetensors`, and `metrics.jsonl` if the run trained.
+def write_page(run: FinishedRun) -> Path:
+    """Write the HTML page of a run into its folder, whole or not at all.
 
     Returns:
-        The path of the page.
+        Path of the page.
 
     Raises:
-        UserError: a file of the folder is missing or malformed, or the extra `[report]` is not installed.
+        UserError: the extra `[report]` is not installed.
         RunError: the page can't be written.
     """
-    results = read_results(run / "results.json")
-    examples = read_examples(run / "examples.safetensors", [method.name for method in results.methods])
-    page = render(results, examples, read_history(run / "metrics.jsonl"), plotly=plotly_source())
-    write_text(run / REPORT, page)
-    return run / REPORT
+    write_text(run.folder / REPORT, render(run, plotly=plotly_source()))
+    return run.folder / REPORT
 
 
-def write_comparison(runs: Sequence[dict[str, Any]], name: str, folder: Path) -> Path:
-    """Write the tables of several runs as one page into a folder, whole or not at all.
-
-    The page shows their figures too, or says why there are none.
+def write_comparison(runs: Sequence[FinishedRun], name: str, folder: Path) -> Path:
+    """Write the HTML page of several runs, whole or not at all, with their figures or the reason why there are none.
 
     Args:
-        runs: what each run's `results.json` holds.
-        name: the study's, and the page's.
-        folder: where the run folders are.
-    """
-    from pcsr.report.figures import figures
+        runs: at least one.
+        name: name of the study, and of the page.
+        folder: folder of the page, which holds the run folders too.
 
-    drawn: Mapping[str, Image] | str
+    Returns:
+        Path of the page.
+
+    Raises:
+        RunError: the page can't be written.
+    """
+    figures: dict[str, bytes] | str
     try:
-        drawn = figures([folder / folder_of(parsed) for parsed in map(parse_results, runs)])
+        figures = _figures(runs, "webp")
     except UserError as error:
-        drawn = str(error)
+        figures = str(error)
     path = folder / f"{name}.html"
-    write_text(path, page(runs, name, drawn))
+    write_text(path, comparison_page([run.results for run in runs], name, figures))
     return path
 
 
-def write_figures(runs: Sequence[Path], folder: Path) -> list[Path]:
-    """Draw the figures of runs (`pcsr.report.figures`), all of them before the first is written.
+def write_figures(runs: Sequence[FinishedRun], folder: Path) -> list[Path]:
+    """Write the figures of runs (`pcsr.report.figures.paper`) as PNG files; all are drawn before one is written.
 
     Args:
-        runs: their folders, each with `results.json` and `examples.safetensors`, and `metrics.jsonl` if it trained.
-        folder: where the PNG files go.
+        runs: runs on the same clouds.
+        folder: folder of the files.
 
     Returns:
-        The paths of the files.
+        Paths of the files.
 
     Raises:
-        UserError: a file of a folder is missing or malformed, or the runs are not of the same clouds.
+        UserError: the runs are not on the same clouds, or the extra `[report]` is not installed.
         RunError: a file can't be written.
     """
-    from pcsr.report.figures import figures
-    from pcsr.report.lettering import save_png
+    files = {folder / f"{name}.png": data for name, data in _figures(runs, "png").items()}
+    for path, data in files.items():
+        write_bytes(path, data)
+    return list(files)
 
-    drawn = {folder / f"{name}.png": image for name, image in figures(runs).items()}
-    for path, image in drawn.items():
-        save_png(image, path)
-    return list(drawn)
+
+def _figures(runs: Sequence[FinishedRun], form: Literal["png", "webp"]) -> dict[str, bytes]:
+    """Image files of the figures of runs, by name.
+
+    Raises:
+        UserError: the runs are not on the same clouds, or the extra `[report]` is not installed.
+    """
+    from pcsr.report.figures.canvas import encoded
+    from pcsr.report.figures.paper import figures
+
+    return {name: encoded(figure, form) for name, figure in figures(run_set(runs)).items()}

@@ -9,12 +9,13 @@ import trimesh
 
 from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
+from pcsr.errors import UserError
 from pcsr.experiments.evaluation import Method, evaluate, floor, methods
-from pcsr.metrics import METRICS
+from pcsr.experiments.run import results_of
+from pcsr.metrics import METRICS, Metric
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.results import gathered
 from pcsr.threads import EACH
 
 ROOT = Path(__file__).parents[2]
@@ -66,18 +67,18 @@ def test_the_network_is_asked_twice_and_baselines_once(recipe, registry, split):
     ours, other = Asked(), Asked()
     ticks = []
     compared = [Method("ours", 5, ours), Method("other", 0, other)]
-    first, second = evaluate(recipe, registry, compared, split, jobs=1, advance=lambda: ticks.append(1))
+    made = evaluate(recipe, registry, compared, split, jobs=1, advance=lambda: ticks.append(1))
     assert [len(touches) for touches in ours.touches] == [2, 0] * 3
     assert [len(touches) for touches in other.touches] == [2] * 3
     assert all(np.array_equal(felt, split.touches[k][:2]) for k, felt in enumerate(other.touches))
     assert len(ticks) == 2 * 3 * 2
-    assert second.touch is None
-    assert first.touch.touched == first.values["cd"]
-    assert list(first.touch.errors) == ["ours", "ours without touch", "other"]
-    for points, truth, value in zip(split.points, split.truth, first.touch.plain, strict=True):
+    assert [method.name for method in made.methods] == ["ours", "other"]
+    assert made.touch.touched == made.methods[0].values["cd"]
+    assert list(made.touch.errors) == ["ours", "ours without touch", "other"]
+    for points, truth, value in zip(split.points, split.truth, made.touch.plain, strict=True):
         moved = torch.from_numpy(np.repeat(points.numpy(), 4, axis=0) * 0.9)
         assert value == METRICS["cd"](moved[None], truth[None])
-    np.testing.assert_array_equal(first.dense[1], np.repeat(split.points[1].numpy(), 4, axis=0) * 0.95)
+    np.testing.assert_array_equal(made.dense[0][1], np.repeat(split.points[1].numpy(), 4, axis=0) * 0.95)
 
 
 def test_the_second_upsampling_is_timed_apart(recipe, registry, split, monkeypatch):
@@ -88,8 +89,8 @@ def test_the_second_upsampling_is_timed_apart(recipe, registry, split, monkeypat
         return np.repeat(points, 4, axis=0)
 
     monkeypatch.setattr("pcsr.experiments.evaluation.time.perf_counter", lambda: clock[0])
-    (scores,) = evaluate(recipe, registry, [Method("ours", 5, slow)], split, jobs=1)
-    assert (scores.seconds, scores.touch.seconds) == (2.0, 7.0)
+    made = evaluate(recipe, registry, [Method("ours", 5, slow)], split, jobs=1)
+    assert (made.methods[0].seconds, made.touch.seconds) == (2.0, 7.0)
 
 
 def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry, split, monkeypatch):
@@ -113,19 +114,19 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
     finally:
         torch.set_num_threads(before)
     assert seen == [2, 2, 2]
-    assert [(scores.threads, scores.load) for scores in made] == [(2, 2.5), (1, 2.5)]
-    assert made[0].seconds == 2.0
-    told = gathered(recipe, split, made, {})
-    assert (told["timing"], told["hardware"]["threads"], told["hardware"]["load"]) == ("median", 2, 2.5)
+    assert (made.threads, made.load) == ([2, 1], 2.5)
+    assert made.methods[0].seconds == 2.0
+    results = results_of(recipe, split, made, {})
+    assert (results.timing, results.hardware["threads"], results.hardware["load"]) == ("median", 2, 2.5)
 
 
 def test_without_touches_there_is_no_second_time(registry, split):
     (recipe,) = load(ROOT / "recipes/smoke.yaml", registry, [*SETTINGS, "data.touches=0"])
     ours = Asked()
-    (scores,) = evaluate(recipe, registry, [Method("ours", 5, ours)], split, jobs=1)
+    made = evaluate(recipe, registry, [Method("ours", 5, ours)], split, jobs=1)
     assert ours.touches == [[]] * 3
-    assert scores.touch is None
-    assert gathered(recipe, split, [scores], {})["touch"] is None
+    assert made.touch is None
+    assert results_of(recipe, split, made, {}).touch is None
 
 
 def slowly_felt(truth, touches):
@@ -148,28 +149,28 @@ def test_the_region_is_what_counts_as_felt(recipe, registry, split):
         rest = torch.from_numpy(truth.numpy() + off * ~felt[:, None])
         expected.append(METRICS["cd"](rest[None], truth[None]))
     given = iter(clouds)
-    (scores,) = evaluate(recipe, registry, [Method("ours", 5, lambda points, touches: next(given))], split, jobs=1)
-    assert scores.touch.touched == [0.0] * 3
-    assert scores.touch.replaced == pytest.approx(expected, rel=1e-4)
-    assert scores.touch.plain == pytest.approx([2e-8] * 3, rel=1e-2)
+    made = evaluate(recipe, registry, [Method("ours", 5, lambda points, touches: next(given))], split, jobs=1)
+    assert made.touch.touched == [0.0] * 3
+    assert made.touch.replaced == pytest.approx(expected, rel=1e-4)
+    assert made.touch.plain == pytest.approx([2e-8] * 3, rel=1e-2)
     touched = [touches[:2].flatten(0, 1) for touches in split.touches]
     near = [torch.cdist(truth, t).amin(1) < 0.1 for truth, t in zip(split.truth, touched, strict=True)]
-    assert sum(scores.touch.counts[:3]) == sum(int(of_object.sum()) for of_object in near)
+    assert sum(made.touch.counts[:3]) == sum(int(of_object.sum()) for of_object in near)
 
 
 def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe, registry, split):
     network = build(recipe, registry).eval()
     compared = methods(recipe, network)
     assert [method.name for method in compared] == ["smoke", "midpoint", "floor"]
-    scores = evaluate(recipe, registry, compared, split, jobs=1)
-    last = scores[-1]
-    assert last.dense.shape == (3, 256, 3)
+    made = evaluate(recipe, registry, compared, split, jobs=1)
+    last = made.methods[-1]
+    assert made.dense[-1].shape == (3, 256, 3)
     assert max(last.values["p2f"]) < 1e-6
     assert min(last.values["cd"]) > 1e-3, "it is another sampling than the truth"
-    assert all(a < b for a, b in zip(last.values["cd"], scores[0].values["cd"], strict=True))
-    (again,) = evaluate(recipe, registry, compared[2:], split, jobs=1)
-    np.testing.assert_array_equal(again.dense, last.dense)
-    assert list(gathered(recipe, split, scores, {})["touch"]["errors"]) == [
+    assert all(a < b for a, b in zip(last.values["cd"], made.methods[0].values["cd"], strict=True))
+    again = evaluate(recipe, registry, compared[2:], split, jobs=1)
+    np.testing.assert_array_equal(again.dense[0], made.dense[-1])
+    assert list(results_of(recipe, split, made, {}).touch.errors) == [
         "smoke",
         "smoke without touch",
         "midpoint",
@@ -200,3 +201,12 @@ def test_meshes_are_loaded_for_who_needs_them_only(recipe, registry, split, monk
     assert loaded == split.names
     evaluate(recipe, registry, compared[:2], split, jobs=1)
     assert loaded == 2 * split.names
+
+
+def test_a_metric_that_is_not_finite_is_named(recipe, registry, split, monkeypatch):
+    broken = Metric("cd", "broken", lambda prediction, target: torch.tensor([torch.nan]))
+    monkeypatch.setitem(METRICS, "cd", broken)
+    with pytest.raises(
+        UserError, match=r"method 'ours': values\.cd\.0: .*finite.*nan; mend the metric, or leave it out"
+    ):
+        evaluate(recipe, registry, [Method("ours", 5, Asked())], split, jobs=1)

@@ -42,7 +42,7 @@ def test_it_holds_every_file_of_the_packages(wheel):
     packed = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert packed == there
     assert {f"pcsr/weights/{name}.safetensors" for name in weights.names()} <= packed
-    assert {"pcsr/report/page.css", "pcsr/report/page.js", "pcsr/py.typed", "pcsr_plugins/py.typed"} <= packed
+    assert {"pcsr/report/web/page.css", "pcsr/report/web/page.js", "pcsr/py.typed", "pcsr_plugins/py.typed"} <= packed
     assert "pcsr_plugins/touch/sensors.toml" in packed
     assert any(name.startswith("pcsr/cli/templates/") for name in packed)
 

@@ -81,6 +81,7 @@ REFUSED = {
         "simulate",
     ),
     "data info": (["data", "info", "data"], "the page of pictures needs plotly", "report"),
+    "figures": (["figures", "run"], "a figure needs matplotlib", "report"),
     "run": (
         ["run", str(ROOT / "recipes" / "tapsr.yaml"), "--runs", "new"],
         "training needs lightning-fabric, the report needs plotly, the metric 'emd' needs pot, "
@@ -149,7 +150,9 @@ def outcomes(folder, absent):
 
 def test_every_optional_package_that_is_here_is_hidden(absent):
     """Also those that optional packages bring along; what the core needs is not."""
-    assert {"embreex", "manifold3d", "lightning_fabric", "ot", "plotly", "pypcd4", "aiohttp"} <= set(absent)
+    assert {"embreex", "manifold3d", "lightning_fabric", "ot", "plotly", "matplotlib", "pypcd4", "aiohttp"} <= set(
+        absent
+    )
     assert not {"torch", "numpy", "scipy", "trimesh", "PIL", "networkx", "yaml_that_nobody_has"} & set(absent)
 
 

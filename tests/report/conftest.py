@@ -1,3 +1,4 @@
+import copy
 import json
 from typing import Any
 
@@ -26,7 +27,11 @@ def results() -> dict[str, Any]:
         "fingerprint": "ab12cd34ef56",
         "seed": 7,
         "version": "0.1.0",
-        "recipe": {"name": "tapsr", "data": {"points": 64, "shapes": {"use": "<script>alert(1)</script>"}}},
+        "recipe": {
+            "name": "tapsr",
+            "data": {"points": 64, "shapes": {"use": "<script>alert(1)</script>"}},
+            "train": {"epochs": 10},
+        },
         "data": {
             "shapes": "cad-parts",
             "split": "test",
@@ -98,3 +103,25 @@ def touch(results) -> dict[str, Any]:
         },
     }
     return results["touch"]
+
+
+@pytest.fixture
+def variant():
+    """Make the results of another run from some results."""
+
+    def make(results, name, *, seed=0, factor=1.0, published=None, **recipe):
+        made = copy.deepcopy(results)
+        made |= {"name": name, "seed": seed}
+        made["recipe"] |= {
+            "name": name,
+            "seed": seed,
+            "train": {"epochs": 10},
+            "evaluate": {"published": published or {}},
+            **recipe,
+        }
+        own = made["methods"][0]
+        own["name"] = name
+        own["values"] = {metric: [factor * value for value in values] for metric, values in own["values"].items()}
+        return made
+
+    return make

@@ -1,11 +1,11 @@
+"""`results.json`: what is refused, and what stays as it was written."""
+
 import json
 
-import numpy as np
 import pytest
-from safetensors.numpy import save_file
 
 from pcsr.errors import UserError
-from pcsr.report.results import parse_results, read_examples, read_history, read_results
+from pcsr.results import parse_results, read_results, write_results
 
 
 def change(results, path, value):
@@ -25,6 +25,11 @@ def change(results, path, value):
         (["data", "points"], "many", "data.points"),
         (["metrics"], {}, "metrics"),
         (["objects"], [], "objects"),
+        (["recipe"], {}, "recipe.train.epochs is missing"),
+        (["recipe", "train"], {}, "recipe.train.epochs"),
+        (["recipe", "train", "epochs"], 0, "recipe.train.epochs: it must be 1 or more, got 0"),
+        (["recipe", "train"], None, "recipe.train"),
+        (["recipe", "evaluate"], {"published": {"cd": "low"}}, "recipe.evaluate.published.cd"),
     ],
 )
 def test_malformed_results_are_named(results, tmp_path, path, value, named):
@@ -44,67 +49,6 @@ def test_results_that_are_no_json_object_are_named(tmp_path, text):
     file.write_bytes(text)
     with pytest.raises(UserError, match=r"results\.json.*do `pcsr run` again"):
         read_results(file)
-
-
-def test_history_is_read_and_absence_is_none(run, history):
-    assert read_history(run / "metrics.jsonl") == history
-    assert read_history(run / "none.jsonl") is None
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "{",
-        "[]",
-        '{"loss": 1}',
-        '{"step": 1}',
-        '{"step": 1, "loss": "low"}',
-        '{"step": 1, "loss": NaN}',
-        '{"step": 1, "loss": 1, "losses": 2}',
-        '{"step": 1, "validation": 1}',
-    ],
-)
-def test_a_malformed_line_is_named_by_number(run, line):
-    with (run / "metrics.jsonl").open("a", encoding="utf-8") as file:
-        file.write(line + "\n")
-    with pytest.raises(UserError, match=r"metrics\.jsonl:32: .*do `pcsr run` again"):
-        read_history(run / "metrics.jsonl")
-
-
-def test_examples_are_read_as_they_were_saved(run, clouds):
-    first, second = read_examples(run / "examples.safetensors", ["tapsr", "midpoint"])
-    assert second.name == "test/gear/0001"
-    assert list(first.predictions) == ["tapsr", "midpoint"]
-    np.testing.assert_array_equal(first.touches, clouds["0/touches"])
-    np.testing.assert_array_equal(second.predictions["midpoint"], clouds["1/midpoint"])
-
-
-@pytest.mark.parametrize(
-    ("key", "cloud", "named"),
-    [
-        ("0/tapsr", None, "0/tapsr"),
-        ("1/truth", np.full((4, 3), np.nan, np.float32), "1/truth"),
-        ("1/input", np.zeros((4, 2), np.float32), "1/input"),
-        ("1/input", np.zeros((0, 3), np.float32), "1/input"),
-    ],
-)
-def test_a_missing_or_unusable_cloud_is_named(tmp_path, clouds, key, cloud, named):
-    clouds = {k: c for k, c in {**clouds, key: cloud}.items() if c is not None}
-    save_file(clouds, tmp_path / "e.safetensors", {"names": '["a", "b"]'})
-    with pytest.raises(UserError, match=f"e.safetensors.*{named}.*do `pcsr run` again"):
-        read_examples(tmp_path / "e.safetensors", ["tapsr"])
-
-
-def test_files_that_are_no_examples_are_named(tmp_path, clouds):
-    file = tmp_path / "e.safetensors"
-    with pytest.raises(UserError, match=r"e\.safetensors is missing"):
-        read_examples(file, [])
-    file.write_bytes(b"not tensors")
-    with pytest.raises(UserError, match=r"e\.safetensors is no file of examples"):
-        read_examples(file, [])
-    save_file(clouds, file)  # without names
-    with pytest.raises(UserError, match=r"e\.safetensors is no file of examples"):
-        read_examples(file, [])
 
 
 @pytest.mark.parametrize(
@@ -131,3 +75,34 @@ def test_the_touch_efficiency_is_the_ratio_of_means_and_old_results_have_none(re
     assert parse_results(results).touch.efficiency is None
     del results["touch"]
     assert parse_results(results).touch is None
+
+
+def test_a_recipe_is_not_needed_where_no_time_of_training_is_known(results):
+    results["recipe"] = {}
+    del results["training"]["seconds"]
+    assert parse_results(results).seconds_per_epoch is None
+
+
+def test_the_time_of_an_epoch_is_that_of_the_training_over_its_epochs(results):
+    assert parse_results(results).seconds_per_epoch == 360
+
+
+@pytest.mark.parametrize("field", ["touch", "timing", "hardware"])
+def test_a_file_is_written_as_it_was_read(results, touch, tmp_path, field):
+    """To the byte: integers stay integers, what is absent stays absent, and what is unknown of a training is kept."""
+    results["timing"], results["hardware"] = "median", {"cores": 2, "load": 0.5, "note": "ü"}
+    results["training"] = {"seconds": 5, "steps": 9, "device": "1 x cpu", "threads": None, "validation": {"cd": 1e-05}}
+    results["training"] |= {"source": "this run"}
+    del results[field]
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps(ordered(results), indent=1), encoding="utf-8")
+    write_results(tmp_path / "again.json", read_results(path))
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def ordered(results):
+    """Results in the order in which pcsr 0.1.0 wrote them."""
+    order = "name fingerprint seed version recipe data metrics objects groups methods touch training timing hardware"
+    data = "shapes split points truth rate touches sampling seed normalisation object_size coverage left_out"
+    results["data"] = {key: results["data"][key] for key in data.split() if key in results["data"]}
+    return {key: results[key] for key in (*order.split(), "created") if key in results}

@@ -1,0 +1,1 @@
+"""Figures as PNG files, drawn by matplotlib: those of the paper, and line charts."""

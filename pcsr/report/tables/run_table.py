@@ -1,0 +1,52 @@
+"""Table of one run's metrics for the terminal, with the numbers of the page."""
+
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
+from pcsr.report.tables.scores import efficiency_cell, scaled, scores
+from pcsr.report.tables.text_table import TextTable
+from pcsr.results import Results
+
+
+def table(results: Results) -> TextTable:
+    """Table with a row for each method: mean ± standard deviation over the objects, the best of a column in bold."""
+    count = len(results.objects)
+    heads = ["method", *(scaled(metric, note.scale) for metric, note in results.metrics.items())]
+    heads += [*([EFFICIENCY] if results.touch is not None else []), "parameters", "s/cloud"]
+    cells, bold = [], set()
+    for i, (method, row) in enumerate(zip(results.methods, scores(results), strict=True)):
+        line = [method.name]
+        for score in row.values():
+            if score.best:
+                bold.add((i, len(line)))
+            change = f"\n{score.change:+.1%}" if score.change is not None else ""
+            wins = f"\n{score.wins}/{count} wins" if score.wins is not None else ""
+            line.append(f"{score}{change}{wins}")
+        if results.touch is not None:
+            line.append(efficiency_cell([results.touch.efficiency]) if i == 0 else "")
+        cells.append([*line, f"{method.parameters:,}", f"{method.seconds:.3g}"])
+    return TextTable(results.name, heads, cells, _note(results), frozenset(bold))
+
+
+def _note(results: Results) -> str:
+    note = _protocol(results)
+    if results.baseline is not None:
+        note += " In per cent: how far the mean is from the baseline's; "
+        note += f"wins: objects on which it is better than {results.baseline}."
+    if results.touch is not None:
+        note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+    note += f" s/cloud: {results.timed}."
+    if results.training.other_code is not None:
+        note += f" Old weights with new code: {results.training.other_code}."
+    return note
+
+
+def _protocol(results: Results) -> str:
+    """Data, protocol, metrics' conventions, spread and seed as text."""
+    data = results.data
+    size = f" of {data.object_size:g} mm" if data.object_size else ""
+    covered = f" on {data.coverage:.1%} of the surface" if data.touches and data.coverage is not None else ""
+    conventions = "; ".join(f"{name}: {note.description}" for name, note in results.metrics.items())
+    return (
+        f"{len(results.objects)} objects{size}, {data.split} split of {data.shapes}; {data.points} points "
+        f"({data.sampling}) and {data.touches} touches{covered} to {data.truth} points; seed {results.seed}. "
+        f"{conventions}. Mean ± standard deviation over objects; lower is better."
+    )

@@ -1,0 +1,74 @@
+import io
+import statistics
+
+import pytest
+from rich.console import Console
+
+from pcsr import report
+from pcsr.errors import UserError
+from pcsr.results import parse_results
+
+
+def table(results):
+    return report.table(parse_results(results))
+
+
+def printed(results):
+    console = Console(file=io.StringIO(), width=160)
+    console.print(table(results))
+    return console.file.getvalue()
+
+
+def test_seconds_say_what_they_are(results):
+    assert "s/cloud: mean wall time for one cloud." in " ".join(printed(results).split()), "results of 0.1"
+    results["timing"], results["hardware"] = "median", {"cores": 2, "threads": 1, "load": 0.5, "torch": "2.6"}
+    said = "s/cloud: median wall time for one cloud (cores 2, threads 1, load 0.5, torch 2.6)."
+    assert said in " ".join(printed(results).split())
+    results["hardware"]["load"] = None  # a system that has none
+    assert "(cores 2, threads 1, torch 2.6)" in " ".join(printed(results).split())
+
+
+def test_the_screen_shows_the_numbers(results):
+    text = printed(results)
+    for metric in results["metrics"]:
+        assert f"{metric} ×10³" in text
+    for method in results["methods"]:
+        line = next(line for line in text.splitlines() if line.strip().startswith(method["name"]) and "±" in line)
+        for values, decimals in ((method["values"]["cd"], 3), (method["values"]["hd"], 1)):
+            mean, spread = 1000 * statistics.mean(values), 1000 * statistics.stdev(values)
+            assert f"{mean:.{decimals}f} ± {spread:.{decimals}f}" in line
+        assert f"{method['parameters']:,}" in line
+    wins = sum(a < b for a, b in zip(*(m["values"]["cd"] for m in results["methods"][:2]), strict=True))
+    assert f"{wins}/6 wins" in text
+    assert "better than midpoint" in text
+
+
+def test_only_the_best_is_bold(results):
+    means = [statistics.mean(method["values"]["cd"]) for method in results["methods"]]
+    shown = table(results)
+    assert [(row, 1) in shown.bold for row in range(3)] == [mean == min(means) for mean in means]
+    console = Console(file=io.StringIO(), width=160, force_terminal=True, color_system="standard")
+    console.print(shown)
+    best = shown.cells[means.index(min(means))][1].splitlines()[0]
+    assert f"\x1b[1m{best}\x1b[0m" in console.file.getvalue()
+
+
+def test_names_are_no_markup(results):
+    results["methods"][2]["name"] = "[red]odd[/red]"
+    assert "[red]odd[/red]" in printed(results)
+
+
+def test_malformed_results_are_named(results):
+    del results["methods"][0]["seconds"]
+    with pytest.raises(UserError, match=r"the results: methods\.0\.seconds"):
+        table(results)
+
+
+def test_the_touch_efficiency_is_the_networks_alone(results, touch):
+    shown = table(results)
+    columns = dict(zip(shown.heads, zip(*shown.cells, strict=True), strict=True))
+    assert columns["touch efficiency"] == ("0.333", "", "")
+    assert "(without - with)" in shown.note
+    del results["touch"]
+    assert "touch" not in "".join(table(results).heads)
+    assert "(without - with)" not in table(results).note
