@@ -12,6 +12,7 @@ from pcsr.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
+    from pcsr.checkpoint import read_card
     from pcsr.clouds.formats.mesh import read_mesh
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         Upsampling,
         Widths,
     )
+    from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.library import Model, load
     from pcsr.measure import evaluate
@@ -41,6 +43,8 @@ _HOMES = {
     "Register": "pcsr.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.library"),
     "evaluate": "pcsr.measure",
+    "read_card": "pcsr.checkpoint",
+    **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
@@ -84,10 +88,13 @@ __all__ = [
     "Widths",
     "__version__",
     "evaluate",
+    "export_onnx",
+    "export_weights",
     "graft",
     "hookimpl",
     "load",
     "metrics",
+    "read_card",
     "read_mesh",
     "recorded",
 ]

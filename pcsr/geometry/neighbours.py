@@ -7,6 +7,8 @@ from torch import Tensor
 
 from pcsr.errors import UserError
 
+__all__ = ["gather", "knn", "neighbour_max"]
+
 CHUNK = 128
 """Queries answered at once on a CPU: what holds something for each of their neighbours stays in its cache."""
 ROWS = 1024

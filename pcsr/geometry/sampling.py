@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 
 from pcsr.errors import UserError
 
+__all__ = ["poisson_points", "poisson_subset", "surface_points"]
+
 CANDIDATES = 5
 """Random points drawn for each blue-noise point that is kept."""
 SURPLUS = 0.005

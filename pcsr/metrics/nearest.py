@@ -9,6 +9,8 @@ from torch import Tensor
 
 from pcsr.errors import RunError, UserError
 
+__all__ = ["nearest", "nearest_squared"]
+
 CHUNK = 1024
 """Queries compared at once on a GPU: CHUNK × t distances are held in memory."""
 
