@@ -39,6 +39,7 @@ pages: .venv/.installed
 # The site, in site/.
 docs: .venv/.installed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	! grep -rlE "(src|href)=\"https?:[^\"]*\.(js|css)" site --include=*.html
 
 bench: .venv/.installed
 	JAXTYPING_DISABLE=1 PYTHONPATH=benchmarks $(BIN)/python -m pytest $(or $(ARGS),benchmarks) --benchmark-columns=mean,stddev,rounds --benchmark-verbose --benchmark-min-rounds=3
