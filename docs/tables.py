@@ -76,6 +76,13 @@ def options(kind: str, name: str, *wanted: str) -> None:
     table(("option", "default", "meaning"), rows)
 
 
+def example(kind: str) -> None:
+    """The module that `pcsr plugins new KIND my-KIND` writes."""
+    from pcsr.cli.plugin_new import distribution
+
+    cog.outl(f"```python\n{distribution(kind, f'my-{kind}')[f'my_{kind}.py']}```")
+
+
 def commands() -> None:
     """The help page of each command."""
     from pcsr import cli

@@ -26,7 +26,9 @@ def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
     """Make the links of a page those of the site."""
     source = page.file.src_uri
     folder = PurePosixPath("." if source in PAGES else f"docs/{source}").parent
-    return LINK.sub(lambda link: target(link[1], folder, source, config.extra["repository"]) + (link[2] or ""), markdown)
+    return LINK.sub(
+        lambda link: target(link[1], folder, source, config.extra["repository"]) + (link[2] or ""), markdown
+    )
 
 
 def target(link: str, folder: PurePosixPath, source: str, repository: str) -> str:
