@@ -72,6 +72,11 @@ def read_card(path: str | Path) -> dict[str, Any]:
 
     Raises:
         UserError: it is no weights file of pcsr.
+
+    Examples:
+        >>> card = pcsr.read_card(pcsr.load("tapsr").path)
+        >>> card["recipe"]["data"]["rate"]
+        16
     """
     return read_file(Path(path), tensors=False)[1]
 
