@@ -76,6 +76,21 @@ def options(kind: str, name: str, *wanted: str) -> None:
     table(("option", "default", "meaning"), rows)
 
 
+def shipped() -> None:
+    """The shipped weights: their number, the size of the file, and the training that its card records."""
+    import pcsr
+    from pcsr.weights import names
+
+    rows = []
+    for name in names():
+        model = pcsr.load(name)
+        count, card = sum(weight.numel() for weight in model.network.parameters()), model.card["training"]
+        steps = f"{card['steps']:,} steps of {model.recipe.train.batch}"
+        size = model.path.stat().st_size / 1e6
+        rows.append((f"`{name}`", f"{count / 1e3:,.0f} K", f"{size:.1f} MB", f"{steps}, {card['seconds']:,.0f} s"))
+    table(("name", "weights", "file", "training"), rows)
+
+
 def example(kind: str) -> None:
     """The module that `pcsr plugins new KIND my-KIND` writes."""
     from pcsr.cli.plugin_new import distribution
