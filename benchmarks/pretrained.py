@@ -3,7 +3,9 @@
 python benchmarks/pretrained.py RUNS [--save]
 """
 
+import json
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -12,24 +14,23 @@ from rich.console import Console
 from rich.table import Table
 from saved import save
 
-from pcsr.errors import PcsrError, UserError
 from pcsr.metrics.touch_effect import EFFICIENCY, efficiency
-from pcsr.report.results import Method, Results, read_results
 
 NETWORKS = ("frames", "tapsr", "pu-transformer")
 
 
-def row(method: Method, run: Results, name: str) -> list[str]:
+def row(run: dict[str, Any], method: dict[str, Any], name: str) -> list[str]:
     """Mean ± sample standard deviation of each metric over the objects; of a network its touch efficiency."""
     cells = [f"`{name}`"]
-    for metric, about in run.metrics.items():
-        values = about.scale * np.array(method.values[metric])
+    for metric, about in run["metrics"].items():
+        values = about["scale"] * np.array(method["values"][metric])
         digits = 3 if metric == "cd" else 1
         cells.append(f"{values.mean():.{digits}f} ± {values.std(ddof=1):.{digits}f}")
     if name not in NETWORKS:
         return [*cells, ""]
-    effect = run.touch
-    return [*cells, f"{efficiency(effect.touched, effect.plain, effect.replaced):.2f}" if effect else "–"]
+    effect = run["touch"]
+    share = efficiency(effect["touched"], effect["plain"], effect["replaced"]) if effect else None
+    return [*cells, "–" if share is None else f"{share:.2f}"]
 
 
 @click.command()
@@ -37,17 +38,14 @@ def row(method: Method, run: Results, name: str) -> list[str]:
 @click.option("--save", "saving", is_flag=True, help="Write docs/numbers/pretrained.json.")
 def main(runs: Path, saving: bool) -> None:
     """Print the table of the runs `pretrained-…` in RUNS."""
-    try:
-        found = {name: list(runs.glob(f"pretrained-{name}-*/results.json")) for name in NETWORKS}
-        if any(len(paths) != 1 for paths in found.values()):
-            raise UserError(f"{runs} must hold one run of each of {', '.join(NETWORKS)}: `make run` makes them")
-        results = {name: read_results(path) for name, (path,) in found.items()}
-    except PcsrError as error:
-        raise click.ClickException(str(error)) from error
-    rows = [row(run.methods[0], run, name) for name, run in results.items()]
+    found = {name: list(runs.glob(f"pretrained-{name}-*/results.json")) for name in NETWORKS}
+    if any(len(paths) != 1 for paths in found.values()):
+        raise click.ClickException(f"{runs} must hold one run of each of {', '.join(NETWORKS)}: `make run` makes them")
+    results = {name: json.loads(path.read_text(encoding="utf-8")) for name, (path,) in found.items()}
+    rows = [row(run, run["methods"][0], name) for name, run in results.items()]
     first = results[NETWORKS[0]]
-    rows += [row(method, first, method.name) for method in first.methods[1:]]
-    columns = ["method", *first.metrics, EFFICIENCY]
+    rows += [row(first, method, method["name"]) for method in first["methods"][1:]]
+    columns = ["method", *first["metrics"], EFFICIENCY]
     table = Table(*columns, box=box.MARKDOWN)
     for cells in rows:
         table.add_row(*cells)

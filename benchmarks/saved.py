@@ -13,12 +13,10 @@ from pcsr.files import write_text
 NUMBERS = Path(__file__).parents[1] / "docs" / "numbers"
 
 
-def save(
-    name: str, command: str, columns: Sequence[str], rows: Sequence[Sequence[str]], folder: Path = NUMBERS
-) -> None:
+def save(name: str, command: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write a table, with the command that made it and the machine it was made on."""
     where = f"{os.cpu_count()} cores, {platform.machine()}, torch {torch.__version__}"
     head = {"command": command, "where": where, "columns": list(columns)}
     lines = [f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)},\n" for key, value in head.items()]
     cells = ",\n".join(f"    {json.dumps(list(row), ensure_ascii=False)}" for row in rows)
-    write_text(folder / f"{name}.json", "{\n" + "".join(lines) + f'  "rows": [\n{cells}\n  ]\n}}\n')
+    write_text(NUMBERS / f"{name}.json", "{\n" + "".join(lines) + f'  "rows": [\n{cells}\n  ]\n}}\n')
