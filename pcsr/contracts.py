@@ -76,7 +76,7 @@ class Touches:
     hands a fusion a row without any touch.
 
     Examples:
-        >>> touches = pcsr.Touches(torch.ones(2, 3, 5, 3), torch.ones(2, 3, 5, 8), torch.ones(2, 3, dtype=torch.bool))
+        >>> touches = pcsr.Touches(torch.ones(2, 3, 5, 3), torch.ones(2, 3, 5, 8), torch.ones(2, 3).bool())
         >>> touches.flat.shape, touches.flat_points.shape, touches.flat_padding.shape
         (torch.Size([2, 15, 8]), torch.Size([2, 15, 3]), torch.Size([2, 15]))
     """
@@ -156,7 +156,7 @@ class Fusion(nn.Module, Part):
         ...
         ...     def forward(self, points, features, touches):
         ...         return features + touches.features.mean((1, 2))[:, None]
-        >>> touches = pcsr.Touches(torch.ones(1, 2, 3, 3), torch.ones(1, 2, 3, 4), torch.ones(1, 2, dtype=torch.bool))
+        >>> touches = pcsr.Touches(torch.ones(1, 2, 3, 3), torch.ones(1, 2, 3, 4), torch.ones(1, 2).bool())
         >>> Mean(pcsr.Widths(visual=4, touch=4))(torch.ones(1, 5, 3), torch.zeros(1, 5, 4), touches).shape
         torch.Size([1, 5, 4])
     """
@@ -366,7 +366,8 @@ class TouchSource(Part):
         ...         corner = np.asarray(item.mesh.vertices[:1])
         ...         return [pcsr.Touch.of_one_finger(corner, None, unit=1.0, sensor="point")] * count
         >>> import trimesh
-        >>> len(Corner().touches(pcsr.Item("box", "boxes", trimesh.creation.box()), np.zeros((1, 3)), count=2, seed=0))
+        >>> item = pcsr.Item("box", "boxes", trimesh.creation.box())
+        >>> len(Corner().touches(item, np.zeros((1, 3)), count=2, seed=0))
         2
     """
 
