@@ -9,10 +9,12 @@ EXTRAS := train,simulate,report,pcd,las,cluster,onnx
 sse := ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 MKL_CBWR=COMPATIBLE OPENBLAS_CORETYPE=Nehalem
 avx2 := ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 OPENBLAS_CORETYPE=Haswell
 avx512 := ATEN_CPU_CAPABILITY=avx512 ONEDNN_MAX_CPU_ISA=AVX512_CORE OPENBLAS_CORETYPE=SkylakeX
-NUMERIC := tests/benchmarks tests/geometry tests/grafting tests/metrics tests/plugins tests/testing tests/upsample \
-	$(patsubst %,tests/test_%.py,evaluation export library measure model train)
+NUMERIC := $(patsubst %,tests/%,benchmarks experiments geometry grafting metrics network plugins testing upsample \
+	test_export.py test_model.py)
+PAGES := $(wildcard *.md docs/*.md docs/*/*.md)
+COG := $(BIN)/cog --verbosity=1 -U -I docs -p "import tables"
 
-.PHONY: run test test-numeric check bench clean
+.PHONY: run test test-numeric check pages docs bench clean
 
 run: .venv/.installed
 	$(BIN)/pcsr run recipes/pretrained.yaml
@@ -28,6 +30,16 @@ check: .venv/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(COG) --check $(PAGES)
+
+# Fills in the tables of the pages: docs/tables.py.
+pages: .venv/.installed
+	$(COG) -r $(PAGES)
+
+# The site, in site/.
+docs: .venv/.installed
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	! grep -rlE "(src|href)=\"https?:[^\"]*\.(js|css)" site --include=*.html
 
 bench: .venv/.installed
 	JAXTYPING_DISABLE=1 PYTHONPATH=benchmarks $(BIN)/python -m pytest $(or $(ARGS),benchmarks) --benchmark-columns=mean,stddev,rounds --benchmark-verbose --benchmark-min-rounds=3
@@ -36,7 +48,7 @@ bench: .venv/.installed
 .venv/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[$(EXTRAS)]' --group dev
+	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[$(EXTRAS)]' --group dev --group docs
 	touch $@
 
 clean:

@@ -13,8 +13,14 @@ else a machine does measures itself, and puts the median into `extra_info["secon
 import pytest
 from rich.console import Console
 from rich.table import Table
+from saved import save
 
 ROLES = ("ours", "usual", "limit")
+COLUMNS = ("what", "ours", "usual", "usual ÷ ours", "limit", "ours ÷ limit")
+
+
+def pytest_addoption(parser):
+    parser.addoption("--save", action="store_true", help="write docs/numbers/bench.json")
 
 
 @pytest.fixture
@@ -40,26 +46,27 @@ def pytest_terminal_summary(config):
         line["asked"] = made.extra_info["asked"] or line["asked"]
         line["says"] += [made.extra_info["says"]] if made.extra_info["says"] else []
     if lines:
-        Console(width=160).print(_table(lines))
+        rows = [_row(what, line) for what, line in lines.items()]
+        Console(width=160).print(_table(rows))
+        if config.getoption("--save"):
+            save("bench", 'make bench ARGS="benchmarks --save"', COLUMNS, [row[: len(COLUMNS)] for row in rows])
 
 
-def _table(lines):
+def _table(rows):
     table = Table(title="ours, the usual way and the limit: seconds, least of the rounds", show_lines=True)
-    for column in ("what", "ours", "usual", "usual ÷ ours", "limit", "ours ÷ limit", "asked", "also"):
+    for column in (*COLUMNS, "asked", "also"):
         table.add_column(column, justify="left" if column in ("what", "asked", "also") else "right")
-    for what, line in lines.items():
-        ours, usual, limit = (line.get(role) for role in ROLES)
-        table.add_row(
-            what,
-            _seconds(ours),
-            _seconds(usual),
-            f"{usual / ours:.1f}" if ours and usual else "",
-            _seconds(limit),
-            f"{ours / limit:.2f}" if ours and limit else "",
-            line["asked"],
-            "\n".join(line["says"]),
-        )
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def _row(what, line):
+    ours, usual, limit = (line.get(role) for role in ROLES)
+    past = f"{usual / ours:.1f}" if ours and usual else ""
+    off = f"{ours / limit:.2f}" if ours and limit else ""
+    measured = (_seconds(ours), _seconds(usual), past, _seconds(limit), off)
+    return [what, *measured, line["asked"], "\n".join(line["says"])]
 
 
 def _seconds(value):

@@ -1,6 +1,6 @@
 """`Model.upsample`, as `pcsr upsample` uses it, on parts that one camera saw: what touches of the other side are worth.
 
-python benchmarks/hidden_side.py [MODEL…] [--touches 4]
+python benchmarks/hidden_side.py [MODEL…] [--touches 4] [--save]
 
 Parts, cameras and touches are those of recipes/touch/occlusion.yaml with policy `sparse`, the test split.
 """
@@ -14,6 +14,7 @@ from rich import box
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from saved import save
 
 import pcsr
 from pcsr.contracts import ShapeItem
@@ -56,20 +57,26 @@ def errors(model: pcsr.Model, parts: Sequence[Sample], touches: int) -> np.ndarr
 @click.argument("models", nargs=-1)
 @click.option("--touches", type=click.IntRange(1, 5), default=4, show_default=True)
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Change the recipe.")
-def main(models: Sequence[str], touches: int, settings: Sequence[str]) -> None:
+@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/hidden-side.json.")
+def main(models: Sequence[str], touches: int, settings: Sequence[str], saving: bool) -> None:
     """Print a row for each model: its error without touches, and with."""
     console = Console()
     try:
         parts = samples(touches, settings)
-        table = Table("model", "cd ×10³ without touch", f"{touches} touches", "better", box=box.MARKDOWN)
+        columns, rows = ("model", "cd ×10³ without touch", f"{touches} touches", "better"), []
         for name in models or (DEFAULT, INTERPOLATION):
             model = pcsr.load(name)
             plain, touched = (errors(model, parts, count) for count in (0, touches))
             spread = (f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" for values in (plain, touched))
-            table.add_row(f"`{name}`", *spread, f"{(touched < plain).sum()}/{len(parts)}")
+            rows.append([f"`{name}`", *spread, f"{(touched < plain).sum()}/{len(parts)}"])
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
+    table = Table(*columns, box=box.MARKDOWN)
+    for row in rows:
+        table.add_row(*row)
     console.print(table)
+    if saving:
+        save("hidden-side", f"python benchmarks/hidden_side.py {' '.join(models)} --save", columns, rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of docs/upsample.md).
+"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of RESULTS.md).
 
-python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5]
+python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5] [--save]
 
 The file holds, for each shape, `input_512`, `input_2048` and `gt_8192` (independent Poisson-disk samples) and the mesh.
 Measured are the shipped weights, or the models that are named. Each is applied as in its own tables: to the whole cloud
@@ -19,6 +19,7 @@ from rich import box
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from saved import save
 
 import pcsr
 from pcsr import weights
@@ -159,7 +160,8 @@ def table(shapes: Sequence[Shape], compared: dict[str, Upsample], rate: int, tit
     help="Longest side of each shape for the touches, in mm.",
 )
 @click.option("--first", type=click.IntRange(1), help="Only so many of the shapes, as some peers were measured on.")
-def main(file: Path, models: Sequence[str], touches: int, size: float, first: int | None) -> None:
+@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/pugan-4x.json and pugan-16x.json.")
+def main(file: Path, models: Sequence[str], touches: int, size: float, first: int | None, saving: bool) -> None:
     """Print the tables of the shapes in FILE, for each MODEL (names, run folders, weights) or the shipped weights."""
     try:
         loaded = [pcsr.load(model) for model in models or weights.names()]
@@ -171,6 +173,10 @@ def main(file: Path, models: Sequence[str], touches: int, size: float, first: in
             title = f"{rate}x, {len(shapes)} of {len(every)} shapes, ×10³"
             found = table(shapes, methods(loaded, rate, touches), rate, title)
             Console(width=200).print(found)  # a table is as wide as it need be, in a file too
+            if saving:
+                rows = list(zip(*(column.cells for column in found.columns), strict=True))
+                command = f"python benchmarks/pugan.py {file.name} --touches {touches} --save"
+                save(f"pugan-{rate}x", command, [str(column.header) for column in found.columns], rows)
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
 

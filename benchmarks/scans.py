@@ -1,6 +1,6 @@
 """Scans of one's own at four times their points: seconds, memory, and whether the borders of patches show.
 
-python benchmarks/scans.py scan.ply another.ply
+python benchmarks/scans.py scan.ply another.ply [--save]
 """
 
 import sys
@@ -11,6 +11,7 @@ import numpy as np
 from processes import run
 from rich.console import Console
 from rich.table import Table
+from saved import save
 from scipy.spatial import cKDTree
 
 from pcsr.clouds.formats import read_points
@@ -48,8 +49,8 @@ def seams(points: np.ndarray, dense: np.ndarray) -> float:
 
 
 if __name__ == "__main__":
-    table = Table("scan", "points", "model", "seconds", "new points a second", "peak MB", "density at seams")
-    for path in map(Path, sys.argv[1:]):
+    columns, rows = ("scan", "points", "model", "seconds", "new points a second", "peak MB", "density at seams"), []
+    for path in (Path(word) for word in sys.argv[1:] if word != "--save"):
         points = read_points(path)
         for model in ("tapsr", "midpoint"):
             with tempfile.TemporaryDirectory() as folder:
@@ -58,9 +59,12 @@ if __name__ == "__main__":
                 seconds, peak = run([sys.executable, "-m", *command])
                 dense = read_points(out)
             made = len(dense) - len(points)
-            table.add_row(
-                *(path.stem, str(len(points)), model, f"{seconds:.1f}", f"{made / seconds:.0f}"),
-                *(f"{peak / 1e6:.0f}", f"{seams(points, dense):.3f}"),
-            )
+            speed = (f"{seconds:.1f}", f"{made / seconds:,.0f}", f"{peak / 1e6:.0f}")
+            rows.append([path.stem, f"{len(points):,}", f"`{model}`", *speed, f"{seams(points, dense):.2f}"])
             Console().print(f"{path.stem} {model}: {seconds:.1f} s, {peak / 1e6:.0f} MB")
+    table = Table(*columns)
+    for row in rows:
+        table.add_row(*row)
     Console().print(table)
+    if "--save" in sys.argv:
+        save("scans", "python benchmarks/scans.py FILE… --save", columns, rows)

@@ -1,14 +1,16 @@
-"""The tables of docs/touch.md: what sensors feel, what policies cover, and how much of an object is felt at its size.
+"""The tables of docs/touch-sensors.md: contacts by sensor, coverage by policy, and coverage by the size of the object.
 
-python benchmarks/touches.py
+python benchmarks/touches.py [--save]
 """
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from saved import save
 
 from pcsr import ShapeItem, Touch, UserError
 from pcsr.clouds.touch import coverage
@@ -35,7 +37,7 @@ def covered(digit: Digit, items: list[ShapeItem]) -> tuple[list[str], str, str]:
     """Median share of the surface that 1 to 5 touches cover; their contacts; how many objects were refused."""
     kept = [(item, touches) for item, touches in felt(digit, items, 5) if touches]
     shares = [[coverage(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]
-    median = [f"{share:.2%}" for share in np.median(shares, axis=0)]
+    median = [f"{100 * share:.2f} %" for share in np.median(shares, axis=0)]
     return median, contacts([touches for _, touches in kept]), str(len(items) - len(kept))
 
 
@@ -45,25 +47,32 @@ def contacts(found: list[list[Touch]]) -> str:
     return " / ".join(f"{area:.0f}" for area in np.percentile(areas, (10, 50, 90)))
 
 
+def show(name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table; with --save write it too."""
+    table = Table(*columns, title=title)
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+    if "--save" in sys.argv:
+        save(name, "python benchmarks/touches.py --save", columns, rows)
+
+
 if __name__ == "__main__":
     shapes = CadParts()
     parts = [shapes.item(name) for name in shapes.names("test")[:48]]
-    table = Table(
-        "sensor", "at 60 mm", "at 320 mm", title="contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"
-    )
+    counts = ("1 touch", *(str(k) for k in range(2, 6)))
+    rows = []
     for sensor in SENSORS:
         digits = [Digit(sensor=sensor, object_size=size) for size in (60.0, 320.0)]
         found = [[touches for _, touches in felt(digit, parts[:24], 2) if touches] for digit in digits]
-        table.add_row(sensor, *map(contacts, found))
-    Console().print(table)
-    table = Table("policy", *(str(k) for k in range(1, 6)), title="median share covered by 1 to 5 touches at 60 mm")
-    for policy in POLICIES:
-        table.add_row(policy, *covered(Digit(policy=policy), parts)[0])
-    Console().print(table)
-    table = Table(
-        "longest side", *(str(k) for k in range(1, 6)), "contact in mm²", "refused", title="median share covered, digit"
-    )
+        rows.append([f"`{sensor}`", *map(contacts, found)])
+    title = "contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"
+    show("sensors", title, ("sensor", "at 60 mm", "at 320 mm"), rows)
+    rows = [[f"`{policy}`", *covered(Digit(policy=policy), parts)[0]] for policy in POLICIES]
+    show("policies", "median share covered by 1 to 5 touches at 60 mm", ("policy", *counts), rows)
+    rows = []
     for size in SIZES:
         shares, contact, refused = covered(Digit(object_size=size), parts)
-        table.add_row(f"{size:.0f} mm", *shares, contact, refused)
-    Console().print(table)
+        rows.append([f"{size:.0f} mm", *shares, refused])
+        Console().print(f"contact at {size:.0f} mm, in mm², at 10, 50 and 90 %: {contact}")
+    show("sizes", "median share covered, digit", ("longest side", *counts, "refused"), rows)

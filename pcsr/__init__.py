@@ -28,9 +28,11 @@ if TYPE_CHECKING:
         UpsamplingNetwork,
         Widths,
     )
+    from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
     from pcsr.model import Model, load
+    from pcsr.network.load import read_card
     from pcsr.plugins.registry import Register
 
 __version__ = "0.1.0"
@@ -41,6 +43,8 @@ _HOMES = {
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",
+    "read_card": "pcsr.network.load",
+    **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
@@ -84,10 +88,13 @@ __all__ = [
     "Widths",
     "__version__",
     "evaluate",
+    "export_onnx",
+    "export_weights",
     "graft",
     "hookimpl",
     "load",
     "metrics",
+    "read_card",
     "read_mesh",
     "recorded",
 ]

@@ -30,7 +30,14 @@ if TYPE_CHECKING:
 
 
 class Trait(StrEnum):
-    """What a part claims about itself. The conformance tests hold it to its claims."""
+    """What a part claims about itself. The conformance tests hold it to its claims.
+
+    Examples:
+        >>> pcsr.Trait.PERMUTATION_EQUIVARIANT.value
+        'permutation-equivariant'
+        >>> frozenset({pcsr.Trait.ANY_RATE}) <= frozenset(pcsr.Trait)
+        True
+    """
 
     PERMUTATION_EQUIVARIANT = "permutation-equivariant"
     """Permuting the input's points permutes the output alike (or, for an upsampler, leaves the set as it was)."""
@@ -42,7 +49,14 @@ class Trait(StrEnum):
 
 @dataclass(frozen=True)
 class Widths:
-    """Channel counts that the host knows when it builds a part. A count that is not known yet is 0."""
+    """Channel counts that the host knows when it builds a part. A count that is not known yet is 0.
+
+    Examples:
+        >>> pcsr.Widths(visual=128, touch=32).visual
+        128
+        >>> pcsr.Widths().refined
+        0
+    """
 
     visual: int = 0
     """Channels of the visual features: what the encoder gives, the fusion keeps and the backbone takes."""
@@ -60,6 +74,11 @@ class TouchBatch:
 
     A row of the batch may hold fewer touches than another: `mask` is True where there is one. The host never
     hands a fusion a row without any touch.
+
+    Examples:
+        >>> touches = pcsr.TouchBatch(torch.ones(2, 3, 5, 3), torch.ones(2, 3, 5, 8), torch.ones(2, 3).bool())
+        >>> touches.flat.shape, touches.flat_points.shape, touches.flat_padding.shape
+        (torch.Size([2, 15, 8]), torch.Size([2, 15, 3]), torch.Size([2, 15]))
     """
 
     points: TouchPoints
@@ -83,7 +102,14 @@ class TouchBatch:
 
 
 class Part:
-    """What every part has, whatever its kind."""
+    """What every part has, whatever its kind.
+
+    Examples:
+        >>> issubclass(pcsr.Encoder, pcsr.contracts.Part)
+        True
+        >>> pcsr.Encoder.version
+        1
+    """
 
     traits: frozenset[Trait] = frozenset()
     """What the part claims; an instance may claim less than its class."""
@@ -96,7 +122,19 @@ class Part:
 
 
 class Encoder(nn.Module, Part):
-    """Coordinates to features for each point. One serves the cloud; another, narrower, serves each touch."""
+    """Coordinates to features for each point. One serves the cloud; another, narrower, serves each touch.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> Scaled(pcsr.Widths())(torch.ones(1, 1, 3))
+        tensor([[[2., 2., 2.]]])
+    """
 
     channels: int
     """Channels of the features that it gives."""
@@ -110,6 +148,17 @@ class Fusion(nn.Module, Part):
     """Folds the touches into the visual features.
 
     Without any touch the host does not call it: the visual features go on as they are.
+
+    Examples:
+        >>> class Mean(pcsr.Fusion):
+        ...     def __init__(self, widths: pcsr.Widths) -> None:
+        ...         super().__init__()
+        ...
+        ...     def forward(self, points, features, touches):
+        ...         return features + touches.features.mean((1, 2))[:, None]
+        >>> touches = pcsr.TouchBatch(torch.ones(1, 2, 3, 3), torch.ones(1, 2, 3, 4), torch.ones(1, 2).bool())
+        >>> Mean(pcsr.Widths(visual=4, touch=4))(torch.ones(1, 5, 3), torch.zeros(1, 5, 4), touches).shape
+        torch.Size([1, 5, 4])
     """
 
     uses_touch_features: ClassVar[bool] = True
@@ -127,7 +176,20 @@ class Fusion(nn.Module, Part):
 
 
 class Backbone(nn.Module, Part):
-    """Refines the fused features; sees the coordinates too."""
+    """Refines the fused features; sees the coordinates too.
+
+    Examples:
+        >>> class Layer(pcsr.Backbone):
+        ...     def __init__(self, widths: pcsr.Widths, *, channels: int = 8) -> None:
+        ...         super().__init__()
+        ...         self.channels = channels
+        ...         self.layer = torch.nn.Linear(widths.visual, channels)
+        ...
+        ...     def forward(self, points, features):
+        ...         return self.layer(features)
+        >>> Layer(pcsr.Widths(visual=4))(torch.ones(1, 5, 3), torch.ones(1, 5, 4)).shape
+        torch.Size([1, 5, 8])
+    """
 
     channels: int
     """Channels of the features that it gives."""
@@ -138,7 +200,18 @@ class Backbone(nn.Module, Part):
 
 
 class Upsampler(nn.Module, Part):
-    """Features to `rate` times as many points."""
+    """Features to `rate` times as many points.
+
+    Examples:
+        >>> class Copies(pcsr.Upsampler):
+        ...     def __init__(self, widths: pcsr.Widths) -> None:
+        ...         super().__init__()
+        ...
+        ...     def forward(self, points, features, rate):
+        ...         return points.repeat_interleave(rate, dim=1)
+        >>> Copies(pcsr.Widths())(torch.ones(1, 5, 3), torch.ones(1, 5, 4), 2).shape
+        torch.Size([1, 10, 3])
+    """
 
     max_rate_per_pass: ClassVar[int | None] = None
     """The greatest rate that is made in one pass, in use: a greater one is made of what was made. None: any is."""
@@ -166,7 +239,12 @@ class Upsampler(nn.Module, Part):
 
 @runtime_checkable
 class UpsamplingNetwork(Protocol):
-    """A whole network, as an objective sees it."""
+    """A whole network, as an objective sees it.
+
+    Examples:
+        >>> isinstance(pcsr.load("tapsr").network, pcsr.UpsamplingNetwork)
+        True
+    """
 
     upsampler: Upsampler
 
@@ -187,7 +265,15 @@ class UpsamplingNetwork(Protocol):
 
 
 class Objective(nn.Module, Part):
-    """What training minimises. It may own networks of its own, such as a discriminator."""
+    """What training minimises. It may own networks of its own, such as a discriminator.
+
+    Examples:
+        >>> class Shift(pcsr.Objective):
+        ...     def forward(self, prediction, target):
+        ...         return {"shift": (prediction.mean(1) - target.mean(1)).norm()}
+        >>> Shift()(torch.ones(1, 4, 3), torch.ones(1, 6, 3))
+        {'shift': tensor(0.)}
+    """
 
     lr_multiplier: ClassVar[float] = 1.0
     """The learning rate of its own weights, as a multiple of the network's."""
@@ -214,7 +300,14 @@ class Objective(nn.Module, Part):
 
 @dataclass(frozen=True)
 class ShapeItem:
-    """One object: a mesh in its own frame and unit."""
+    """One object: a mesh in its own frame and unit.
+
+    Examples:
+        >>> import trimesh
+        >>> item = pcsr.ShapeItem("box", group="boxes", mesh=trimesh.creation.box())
+        >>> item.mesh.is_watertight
+        True
+    """
 
     name: str
     """Unique within its `ShapeSource`, and the same on every machine."""
@@ -224,7 +317,19 @@ class ShapeItem:
 
 
 class ShapeSource(Part):
-    """Gives the objects. Cheap to construct and to pickle: workers load one item each, by name."""
+    """Gives the objects. Cheap to construct and to pickle: workers load one item each, by name.
+
+    Examples:
+        >>> import trimesh
+        >>> class Balls(pcsr.ShapeSource):
+        ...     def names(self, split):
+        ...         return [f"{split}/{number}" for number in range(2)]
+        ...
+        ...     def item(self, name):
+        ...         return pcsr.ShapeItem(name, group=name, mesh=trimesh.creation.icosphere())
+        >>> Balls().names("test")
+        ['test/0', 'test/1']
+    """
 
     def names(self, split: str) -> Sequence[str]:
         """The objects of `split` ("train", "validation" or "test"), in a fixed order."""
@@ -253,7 +358,18 @@ class ShapeSource(Part):
 
 
 class TouchSource(Part):
-    """Gives the touches of an object, simulated or recorded."""
+    """Gives the touches of an object, simulated or recorded.
+
+    Examples:
+        >>> class Corner(pcsr.TouchSource):
+        ...     def touches(self, item, cloud, count, seed):
+        ...         corner = np.asarray(item.mesh.vertices[:1])
+        ...         return [pcsr.Touch.single(corner, None, unit=1.0, sensor="point")] * count
+        >>> import trimesh
+        >>> item = pcsr.ShapeItem("box", "boxes", trimesh.creation.box())
+        >>> len(Corner().touches(item, np.zeros((1, 3)), count=2, seed=0))
+        2
+    """
 
     def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches of `item`, in its frame and unit; `cloud` is what the camera sees of it.

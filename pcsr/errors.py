@@ -8,7 +8,15 @@ from difflib import get_close_matches
 
 
 class PcsrError(Exception):
-    """Anything that pcsr itself reports. `exit_code` is what the command line returns."""
+    """Anything that pcsr itself reports. `exit_code` is what the command line returns.
+
+    Examples:
+        >>> try:
+        ...     pcsr.load("no-such-model")
+        ... except pcsr.PcsrError as error:
+        ...     print(error.exit_code)
+        2
+    """
 
     exit_code = 1
 
@@ -22,17 +30,35 @@ class PcsrError(Exception):
 
 
 class UserError(PcsrError):
-    """A mistake in what a person gave us: a recipe, a file, an option."""
+    """A mistake in what a person gave us: a recipe, a file, an option.
+
+    Examples:
+        >>> try:
+        ...     pcsr.evaluate(np.eye(3), np.eye(3), metrics="chamfer")
+        ... except pcsr.UserError as error:
+        ...     print(error)
+        there is no metric 'chamfer': known: cd, emd, hd, hd-pugcn, p2f
+    """
 
     exit_code = 2
 
 
 class RunError(PcsrError):
-    """A run that could not finish through no mistake in its input: a full disk, a loss that is not finite."""
+    """A run that could not finish through no mistake in its input: a full disk, a loss that is not finite.
+
+    Examples:
+        >>> pcsr.RunError("the disk is full").exit_code
+        1
+    """
 
 
 class PcsrWarning(UserWarning):
-    """A remark of pcsr's own. The command line shows these, and no other library's."""
+    """A remark of pcsr's own. The command line shows these, and no other library's.
+
+    Examples:
+        >>> import warnings
+        >>> warnings.simplefilter("ignore", pcsr.PcsrWarning)
+    """
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

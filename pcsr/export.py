@@ -43,6 +43,11 @@ def export_weights(model: "Model", path: str | Path, *, half: bool = False) -> N
     Raises:
         UserError: there is no network, the path is a folder, or a weight is too large for half precision.
         RunError: the file can't be written.
+
+    Examples:
+        >>> pcsr.export_weights(pcsr.load("tapsr"), "half.safetensors", half=True)
+        >>> pcsr.load("half.safetensors").name
+        'half.safetensors'
     """
     path = Path(path)
     network, recipe = _exportable(model, path, "weights.safetensors")
@@ -78,6 +83,10 @@ def export_onnx(
     Raises:
         UserError: the extra `[onnx]` is not installed, there is no network, an impossible number, or a network that
             cannot be exported; the message says why.
+
+    Examples:
+        >>> pcsr.export_onnx(pcsr.load("tapsr"), "tapsr.onnx", points=64, batch=1)
+        {'points': (1, 64, 3), 'dense': (1, 1024, 3)}
     """
     require(dict.fromkeys(("onnx", "onnxscript"), USER))
     path = Path(path)

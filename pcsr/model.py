@@ -37,7 +37,15 @@ TouchesLike = str | Path | Sequence[Any]
 
 @dataclass(frozen=True)
 class Model:
-    """What makes clouds dense: a network with its weights, or interpolation."""
+    """What makes clouds dense: a network with its weights, or interpolation.
+
+    Examples:
+        >>> model = pcsr.load("tapsr")
+        >>> model.recipe.data.rate
+        16
+        >>> model.card["recipe"]["model"]["fusion"]["use"]
+        'iterative'
+    """
 
     name: str
     network: Network | None
@@ -81,6 +89,14 @@ class Model:
 
         Warns:
             PcsrWarning: something was touched where the cloud has no points.
+
+        Examples:
+            >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
+            >>> dense = pcsr.load("midpoint").upsample(cloud, rate=2.5)
+            >>> dense.shape
+            (250, 3)
+            >>> bool((dense[:100] == cloud).all())
+            True
         """
         given = convert(points)
         new = self.new_points(
@@ -107,7 +123,13 @@ class Model:
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
     ) -> Float[np.ndarray, "new 3"]:
-        """As `upsample`, but the new points alone."""
+        """As `upsample`, but the new points alone.
+
+        Examples:
+            >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
+            >>> pcsr.load("midpoint").new_points(cloud, count=150).shape
+            (50, 3)
+        """
         cloud = np.asarray(points, np.float64)
         bad = int((~np.isfinite(cloud).all(axis=1)).sum())
         if bad:
@@ -148,6 +170,13 @@ def load(
 
     Raises:
         UserError: there is no such model, its file is damaged, or a part that it needs is not installed.
+
+    Examples:
+        >>> cloud = np.random.default_rng(0).normal(size=(64, 3))
+        >>> pcsr.load().upsample(cloud, rate=2).shape
+        (128, 3)
+        >>> pcsr.load("midpoint").name
+        'midpoint'
     """
     files = tuple(Path(file) for file in plugins)
     name = weights.DEFAULT if model is None else str(model)

@@ -7,6 +7,8 @@ same letter within one call must have the same length.
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+__all__ = ["Dense", "Features", "Neighbours", "Points", "TouchFeatures", "TouchMask", "TouchPoints"]
+
 Points = Float[Tensor, "b n 3"]
 Features = Float[Tensor, "b n c"]
 Dense = Float[Tensor, "b rn 3"]

@@ -15,6 +15,12 @@ class Touch:
     """The points that one touch felt, in the object's frame and unit.
 
     Most touches are one finger's. A grasp is one touch too, of several fingers at once.
+
+    Examples:
+        >>> points = np.zeros((20, 3))
+        >>> touch = pcsr.Touch.single(points, pose=None, unit=1.0, sensor="digit", contact_area=12.5)
+        >>> touch.points.shape, touch.sensor
+        ((20, 3), 'digit')
     """
 
     points: Float[np.ndarray, "m 3"]
@@ -42,7 +48,12 @@ class Touch:
         sensor: str,
         contact_area: float | None = None,
     ) -> "Touch":
-        """The usual case."""
+        """The usual case.
+
+        Examples:
+            >>> pcsr.Touch.single(np.zeros((20, 3)), np.eye(4), unit=1000.0, sensor="digit").poses.shape
+            (1, 4, 4)
+        """
         poses = np.zeros((0, 4, 4)) if pose is None else np.asarray(pose, np.float64)[None]
         return cls(np.asarray(points, np.float64), np.zeros(len(points), np.int64), poses, unit, sensor, contact_area)
 
@@ -52,6 +63,12 @@ class Touch:
 
         Raises:
             UserError: no finger at all, or fingers in different units.
+
+        Examples:
+            >>> thumb = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
+            >>> index = pcsr.Touch.single(np.ones((10, 3)), None, unit=1.0, sensor="digit")
+            >>> np.bincount(pcsr.Touch.grasp([thumb, index]).finger).tolist()
+            [20, 10]
         """
         if len({touch.unit for touch in fingers}) != 1:
             raise UserError(f"the fingers of a grasp need one unit, got {[touch.unit for touch in fingers]} mm")
@@ -71,6 +88,11 @@ class Touch:
 
         Raises:
             UserError: it has no points.
+
+        Examples:
+            >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
+            >>> len(touch.resampled(8, np.random.default_rng(0)).points)
+            8
         """
         n = len(self.points)
         if n == 0:

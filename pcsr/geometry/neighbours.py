@@ -7,6 +7,8 @@ from torch import Tensor
 
 from pcsr.errors import UserError
 
+__all__ = ["gather", "knn", "neighbour_max"]
+
 CHUNK = 128
 """Queries answered at once on a CPU: what holds something for each of their neighbours stays in its cache."""
 ROWS = 1024
@@ -24,6 +26,14 @@ def knn(query: Float[Tensor, "b q d"], points: Float[Tensor, "b n d"], k: int) -
 
     Raises:
         UserError: there are fewer than k points.
+
+    Examples:
+        >>> from pcsr.geometry.neighbours import knn
+        >>> points = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]])
+        >>> knn(points, points, 2)
+        tensor([[[0, 1],
+                 [1, 0],
+                 [2, 1]]])
     """
     if k > points.shape[1]:
         raise UserError(
@@ -62,7 +72,13 @@ def _nearest_by_products(query: Float[Tensor, "b q d"], points: Float[Tensor, "b
 
 
 def gather(features: Float[Tensor, "b n c"], index: Int[Tensor, "b q k"]) -> Float[Tensor, "b q k c"]:
-    """The features at each index."""
+    """The features at each index.
+
+    Examples:
+        >>> from pcsr.geometry.neighbours import gather
+        >>> gather(torch.tensor([[[1.0], [2.0], [3.0]]]), torch.tensor([[[0, 2]]])).squeeze()
+        tensor([1., 3.])
+    """
     b, n, c = features.shape
     start = n * torch.arange(b, device=index.device).view(b, 1, 1)
     return features.reshape(b * n, c).index_select(0, (index + start).flatten()).view(*index.shape, c)
@@ -73,6 +89,11 @@ def neighbour_max(features: Float[Tensor, "b n c"], index: Int[Tensor, "b q k"])
 
     That would make `(b q k c)`, and keep it for the way back. Here a few queries at a time only look who wins, and
     the winners are gathered. Of equal values one gets the gradient.
+
+    Examples:
+        >>> from pcsr.geometry.neighbours import neighbour_max
+        >>> neighbour_max(torch.tensor([[[1.0], [2.0], [3.0]]]), torch.tensor([[[0, 2], [0, 1]]])).squeeze()
+        tensor([3., 2.])
     """
     if torch.compiler.is_exporting() or features.dtype == torch.float64:
         return gather(features, index).amax(2)

@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 
 from pcsr.errors import UserError
 
+__all__ = ["poisson_points", "poisson_subset", "surface_points"]
+
 CANDIDATES = 5
 """Random points drawn for each blue-noise point that is kept."""
 SURPLUS = 0.005
@@ -24,6 +26,13 @@ def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
 
     Raises:
         UserError: the surface has no area.
+
+    Examples:
+        >>> import trimesh
+        >>> from pcsr.geometry.sampling import surface_points
+        >>> points = surface_points(trimesh.creation.box(), 100, np.random.default_rng(0))
+        >>> points.shape, float(abs(points).max())
+        ((100, 3), 0.5)
     """
     triangles = np.asarray(mesh.triangles, np.float64)
     edges = triangles[:, 1:] - triangles[:, :1]
@@ -46,6 +55,12 @@ def poisson_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
 
     Raises:
         UserError: the surface has no area.
+
+    Examples:
+        >>> import trimesh
+        >>> from pcsr.geometry.sampling import poisson_points
+        >>> poisson_points(trimesh.creation.box(), 100, np.random.default_rng(0)).shape
+        (100, 3)
     """
     candidates = surface_points(mesh, CANDIDATES * count, rng)
     chosen: Float[np.ndarray, "count 3"] = candidates[poisson_subset(candidates, count, rng)]
@@ -60,6 +75,12 @@ def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.
 
     Raises:
         UserError: there are fewer than `count` points.
+
+    Examples:
+        >>> from pcsr.geometry.sampling import poisson_subset
+        >>> rng = np.random.default_rng(0)
+        >>> len(set(poisson_subset(rng.normal(size=(500, 3)), 100, rng).tolist()))
+        100
     """
     n = len(points)
     if count > n:

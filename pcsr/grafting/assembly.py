@@ -50,6 +50,13 @@ def graft(
     Raises:
         UserError: no such layer, one that does not give a feature for each point, a network that fails on the
             probe, or parts that do not exist or fit; the message says which.
+
+    Examples:
+        >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
+        >>> grafted = pcsr.graft(network, at="0", probe=(1, 32, 3))
+        >>> points, touches = torch.rand(1, 32, 3), torch.rand(1, 2, 8, 3)
+        >>> grafted(points, touches=touches).shape
+        torch.Size([1, 32, 3])
     """
     stated, of_points = _stated("layout", layout, Layout), _stated("points_layout", points_layout, PointsLayout)
     joint = probe_joint(network, at, stated, points, of_points, probe, arguments, keywords or {})

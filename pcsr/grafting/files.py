@@ -28,6 +28,11 @@ def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | No
     Raises:
         UserError: a tactile part was given as an instance, which a file cannot describe, or `about` is not what
             JSON can write.
+
+    Examples:
+        >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
+        >>> grafted = pcsr.graft(network, at="0", probe=(1, 32, 3))
+        >>> pcsr.grafting.save_graft("grafted.safetensors", grafted, {"data": "mine"})
     """
     nameless = [kind for kind, spec in grafted.specs.items() if spec == "instance"]
     if nameless:
@@ -51,6 +56,15 @@ def load_graft(path: Path | str, network: nn.Module, registry: Registry | None =
     Raises:
         UserError: no file of `save_graft`, a part that is not installed, or another network; the message names
             the weights that differ, and nothing is changed.
+
+    Examples:
+        >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
+        >>> grafted = pcsr.graft(network, at="0", probe=(1, 32, 3))
+        >>> pcsr.grafting.save_graft("grafted.safetensors", grafted)
+        >>> loaded = pcsr.grafting.load_graft("grafted.safetensors", network)
+        >>> points, touches = torch.rand(1, 32, 3), torch.rand(1, 2, 8, 3)
+        >>> torch.equal(loaded(points, touches=touches), grafted.eval()(points, touches=touches))
+        True
     """
     path = Path(path)
     tensors, joint, fusion, touch_encoder = _read(path)

@@ -22,7 +22,17 @@ FAR = 10.0
 
 
 class Grafted(nn.Module):
-    """A network that hears touch at one of its layers; without touches, bit for bit the network alone."""
+    """A network that hears touch at one of its layers; without touches, bit for bit the network alone.
+
+    Examples:
+        >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
+        >>> grafted = pcsr.graft(network, at="0", probe=(1, 32, 3))
+        >>> points = torch.rand(1, 32, 3)
+        >>> torch.equal(grafted(points), network(points))
+        True
+        >>> len(list(grafted.tactile_parameters())) > 0
+        True
+    """
 
     def __init__(
         self,

@@ -20,7 +20,15 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 @dataclass(frozen=True)
 class Metric:
-    """A named convention. Lower is better for all of them."""
+    """A named convention. Lower is better for all of them.
+
+    Examples:
+        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
+        >>> pcsr.metrics.METRICS["cd"](prediction, target)
+        2.0
+        >>> pcsr.metrics.METRICS["p2f"].needs_mesh
+        True
+    """
 
     name: str
     description: str

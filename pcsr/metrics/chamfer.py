@@ -16,5 +16,10 @@ def chamfer(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) 
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
+        >>> pcsr.metrics.chamfer(prediction, target)
+        tensor([2.])
     """
     return nearest_squared(prediction, target).mean(1) + nearest_squared(target, prediction).mean(1)

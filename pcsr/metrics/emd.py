@@ -26,6 +26,11 @@ def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> F
     Raises:
         UserError: the clouds differ in size, or are larger than 1024 points and the extra `[train]` is not installed.
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
+        >>> pcsr.metrics.emd(prediction, target)
+        tensor([1.])
     """
     require_finite(prediction, target)
     check_sizes(prediction.shape[1], target.shape[1])

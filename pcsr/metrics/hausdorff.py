@@ -12,6 +12,11 @@ def hausdorff(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
+        >>> pcsr.metrics.hausdorff(prediction, target)
+        tensor([2.])
     """
     there, back = _greatest_squared(prediction, target)
     return torch.maximum(there, back).sqrt()
@@ -25,6 +30,11 @@ def hausdorff_pugcn(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
+        >>> pcsr.metrics.hausdorff_pugcn(prediction, target)
+        tensor([4.])
     """
     there, back = _greatest_squared(prediction, target)
     return there + back

@@ -9,6 +9,8 @@ from torch import Tensor
 
 from pcsr.errors import RunError, UserError
 
+__all__ = ["nearest", "nearest_squared"]
+
 CHUNK = 1024
 """Queries compared at once on a GPU: CHUNK × t distances are held in memory."""
 
@@ -21,6 +23,12 @@ def nearest(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> I
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> from pcsr.metrics.nearest import nearest
+        >>> source, target = torch.tensor([[[0.0, 0, 0], [2, 0, 0]]]), torch.tensor([[[0.0, 1, 0], [3, 0, 0]]])
+        >>> nearest(source, target)
+        tensor([[0, 1]])
     """
     require_finite(source, target)
     if source.device.type == "cpu":
@@ -46,6 +54,12 @@ def nearest_squared(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
+
+    Examples:
+        >>> from pcsr.metrics.nearest import nearest_squared
+        >>> source, target = torch.tensor([[[0.0, 0, 0], [2, 0, 0]]]), torch.tensor([[[0.0, 3, 0], [2, 2, 0]]])
+        >>> nearest_squared(source, target)
+        tensor([[8., 4.]])
     """
     index = nearest(source, target)  # which point is nearest does not change under a small step: no gradient
     met = target.gather(1, index.unsqueeze(-1).expand(-1, -1, 3))

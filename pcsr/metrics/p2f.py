@@ -29,6 +29,11 @@ def point_to_surface(
     Raises:
         UserError: the mesh has no faces.
         RunError: a coordinate is not finite.
+
+    Examples:
+        >>> vertices, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+        >>> pcsr.metrics.point_to_surface(np.array([[0.2, 0.2, 0.5]]), vertices, faces).round(3)
+        array([0.5])
     """
     if len(faces) == 0:
         raise UserError("p2f: the true mesh has no faces: give a mesh, or leave the metric out")

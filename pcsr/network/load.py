@@ -67,13 +67,18 @@ def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-def read_card(path: Path) -> dict[str, Any]:
+def read_card(path: str | Path) -> dict[str, Any]:
     """The card of a weights file, without reading the weights.
 
     Raises:
         UserError: it is no weights file of pcsr.
+
+    Examples:
+        >>> card = pcsr.read_card(pcsr.load("tapsr").path)
+        >>> card["recipe"]["data"]["rate"]
+        16
     """
-    return read_file(path, tensors=False)[1]
+    return read_file(Path(path), tensors=False)[1]
 
 
 def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:

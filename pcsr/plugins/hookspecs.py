@@ -17,4 +17,9 @@ def pcsr_register(register: "Register") -> None:
 
     A part may be given as its class, or as text ``"package.module:Class"``, which is imported only when a
     recipe asks for the part.
+
+    Examples:
+        >>> @pcsr.hookimpl
+        ... def pcsr_register(register):
+        ...     register.fusion("my-fusion", "my_package.parts:MyFusion")
     """

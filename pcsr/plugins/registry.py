@@ -178,7 +178,19 @@ class Registry:
 
 @dataclass(frozen=True)
 class Register:
-    """What a plugin's hook is given: one method for each kind of part."""
+    """What a plugin's hook is given: one method for each kind of part.
+
+    Examples:
+        >>> @pcsr.hookimpl
+        ... def pcsr_register(register: pcsr.Register) -> None:
+        ...     register.encoder("my-encoder", "my_package.parts:MyEncoder")
+        ...     register.fusion("my-fusion", "my_package.parts:MyFusion")
+        ...     register.backbone("my-backbone", "my_package.parts:MyBackbone")
+        ...     register.upsampler("my-upsampler", "my_package.parts:MyUpsampler")
+        ...     register.objective("my-objective", "my_package.parts:MyObjective")
+        ...     register.touch("my-touch", "my_package.parts:MyTouch")
+        ...     register.shapes("my-shapes", "my_package.parts:MyShapes")
+    """
 
     registry: Registry
     owner: str

@@ -39,7 +39,14 @@ REASONS = 20
 
 @dataclass(frozen=True)
 class Recording:
-    """The touches of one object, in its frame and unit."""
+    """The touches of one object, in its frame and unit.
+
+    Examples:
+        >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
+        >>> pcsr.recorded.write(Path("touches"), [touch], names=["front"])
+        >>> pcsr.recorded.read("touches").names
+        ['front']
+    """
 
     touches: list[Touch]
     names: list[str]
@@ -53,6 +60,13 @@ def read(folder: Path | str) -> Recording:
 
     Raises:
         UserError: the manifest is not there or has mistakes, or not one touch is of use; all the reasons.
+
+    Examples:
+        >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
+        >>> pcsr.recorded.write(Path("touches"), [touch], names=["front"])
+        >>> recording = pcsr.recorded.read("touches")
+        >>> len(recording.touches), recording.names, recording.skipped
+        (1, ['front'], {})
     """
     folder = Path(folder)
     folder = folder.parent if folder.name == MANIFEST else folder

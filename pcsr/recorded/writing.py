@@ -34,6 +34,12 @@ def write(
         UserError: there is a recording already, a file of another's would be overwritten, or something could not be
             read again.
         RunError: a file cannot be written.
+
+    Examples:
+        >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
+        >>> pcsr.recorded.write(Path("touches"), [touch], names=["front"])
+        >>> sorted(path.name for path in Path("touches").iterdir())
+        ['0.ply', 'touches.json']
     """
     manifest = folder / MANIFEST
     old = _files_of(manifest)

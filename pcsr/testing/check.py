@@ -10,16 +10,32 @@ from pcsr.threads import threads
 
 
 class CheckFailed(AssertionError):  # noqa: N818 it is an outcome, as Skipped is
-    """A part does not keep its contract. The message names the part, what was found, what is expected, the remedy."""
+    """A part does not keep its contract. The message names the part, what was found, what is expected, the remedy.
+
+    Examples:
+        >>> issubclass(pcsr.testing.CheckFailed, AssertionError)
+        True
+    """
 
 
 class Skipped(SkipTest):
-    """A check that says nothing about this part; the message says why. pytest reports it as skipped."""
+    """A check that says nothing about this part; the message says why. pytest reports it as skipped.
+
+    Examples:
+        >>> import unittest
+        >>> issubclass(pcsr.testing.Skipped, unittest.SkipTest)
+        True
+    """
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a check."""
+    """What came of a check.
+
+    Examples:
+        >>> pcsr.testing.Check("nothing", lambda: None).outcome()
+        Outcome(check='nothing', result='passed', said='')
+    """
 
     check: str
     result: Literal["passed", "failed", "skipped"]
@@ -29,7 +45,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Check:
-    """A named check of one part. To be called; it returns where the part passes, and raises otherwise."""
+    """A named check of one part. To be called; it returns where the part passes, and raises otherwise.
+
+    Examples:
+        >>> def run():
+        ...     raise pcsr.testing.CheckFailed("three channels were expected, got 4: return three")
+        >>> pcsr.testing.Check("channels", run).outcome().result
+        'failed'
+    """
 
     name: str
     run: Callable[[], None]

@@ -86,6 +86,19 @@ def checks_for(
 
     Raises:
         UserError: `part` is of no kind.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> checks = pcsr.testing.checks_for(Scaled)
+        >>> checks[0].name
+        'builds'
+        >>> checks[0]()
     """
     kind = kind_of(part)
     subject = Subject(part, kind, options, item, upsampler)
@@ -99,5 +112,17 @@ def checks_for(
 
 
 def check_part(part: type[Any], **options: Any) -> list[Outcome]:
-    """Run all checks of a part, with the arguments of `checks_for`, and tell what came of each."""
+    """Run all checks of a part, with the arguments of `checks_for`, and tell what came of each.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> {outcome.result for outcome in pcsr.testing.check_part(Scaled)} <= {"passed", "skipped"}
+        True
+    """
     return [check.outcome() for check in checks_for(part, **options)]

@@ -61,7 +61,7 @@ def test_the_traits_are_those_that_the_kind_can_claim(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_part_that_comes_with_pcsr_is_listed(kind):
     ours = [entry.name for entry in load_plugins() if (entry.kind, entry.owner) == (kind, OURS)]
-    assert rows(section(PAGES[kind], "Those that come with pcsr")) == ours
+    assert rows(section(PAGES[kind], "Parts of pcsr")) == ours
 
 
 @pytest.mark.parametrize(

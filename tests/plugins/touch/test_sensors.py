@@ -33,7 +33,7 @@ def test_every_figure_has_a_source_and_a_doubt_and_is_an_option(name):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_docs_say_every_figure_as_it_is(name):
-    page = (Path(__file__).parents[3] / "docs" / "touch.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "touch-sensors.md").read_text(encoding="utf-8")
     section = page.split(f"### `{name}`\n")[1].split("\n#")[0]
     rows = [line for line in section.splitlines() if line.startswith("| `")]
     shown = [

@@ -1,0 +1,124 @@
+"""What pages take from code and from measurements: their blocks `[[[cog … ]]]` call these functions.
+
+`make pages` fills the blocks anew; `make check` fails where one differs from what it would be filled with.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+import cog
+
+NUMBERS = Path(__file__).parent / "numbers"
+MESHES = (".obj", ".off", ".stl", ".glb")
+EXTRAS = {".pcd": "pcd", ".las": "las", ".laz": "las"}
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table in Markdown."""
+    for cells in (columns, ["---"] * len(columns), *rows):
+        cog.outl(f"| {' | '.join(cells)} |")
+
+
+def numbers(*names: str) -> None:
+    """Measured tables of one set of columns, one below the other: docs/numbers/NAME.json."""
+    found = [json.loads((NUMBERS / f"{name}.json").read_text(encoding="utf-8")) for name in names]
+    table(found[0]["columns"], [row for one in found for row in one["rows"]])
+
+
+def metrics() -> None:
+    """Every metric and its convention."""
+    from pcsr.metrics import METRICS
+
+    table(("metric", "definition"), [(f"`{name}`", metric.description) for name, metric in METRICS.items()])
+
+
+def formats() -> None:
+    """The suffixes that `pcsr upsample` reads and writes."""
+    from pcsr.clouds.formats import CLOUD_READERS, CLOUD_WRITERS
+
+    rows = []
+    for suffix in CLOUD_READERS:
+        what = "vertices" if suffix in MESHES else "yes"
+        extra = f"`[{EXTRAS[suffix]}]`" if suffix in EXTRAS else ""
+        rows.append((f"`{suffix}`", what, what if suffix in CLOUD_WRITERS else "no", extra))
+    table(("suffix", "read", "written", "extra"), rows)
+
+
+def sensor(name: str) -> None:
+    """The figures of a sensor preset, with source and doubt."""
+    from pcsr_plugins.touch import sensors
+
+    rows = [(f"`{one.name}`", _shown(one.value), one.source, one.doubt) for one in sensors.figures(name)]
+    table(("figure", "value", "source", "doubt"), rows)
+
+
+def options(kind: str, name: str, *wanted: str) -> None:
+    """Options of a part: their defaults, and what the constructor's docstring says of them.
+
+    Args:
+        kind: of the part.
+        name: of the part.
+        wanted: the options; by default all.
+    """
+    from pcsr.plugins.loading import load_plugins
+
+    constructor = load_plugins().get(kind, name).__init__
+    arguments = inspect.getdoc(constructor).partition("Args:\n")[2].partition("\n\n")[0]
+    said = dict(re.findall(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", arguments, re.MULTILINE))
+    rows = []
+    for option, parameter in inspect.signature(constructor).parameters.items():
+        if parameter.kind is parameter.KEYWORD_ONLY and option in (wanted or said):
+            rows.append((f"`{option}`", f"`{_yaml(parameter.default)}`", " ".join(said[option].split())))
+    table(("option", "default", "meaning"), rows)
+
+
+def shipped() -> None:
+    """The shipped weights: their number, the size of the file, and the training that its card records."""
+    import pcsr
+    from pcsr.weights import names
+
+    rows = []
+    for name in names():
+        model = pcsr.load(name)
+        count, card = sum(weight.numel() for weight in model.network.parameters()), model.card["training"]
+        steps = f"{card['steps']:,} steps of {model.recipe.train.batch}"
+        size = model.path.stat().st_size / 1e6
+        rows.append((f"`{name}`", f"{count / 1e3:,.0f} K", f"{size:.1f} MB", f"{steps}, {card['seconds']:,.0f} s"))
+    table(("name", "weights", "file", "training"), rows)
+
+
+def example(kind: str) -> None:
+    """The module that `pcsr plugins new KIND my-KIND` writes."""
+    from pcsr.cli.plugin_new import distribution
+
+    cog.outl(f"```python\n{distribution(kind, f'my-{kind}')[f'my_{kind}.py']}```")
+
+
+def commands() -> None:
+    """The help page of each command."""
+    from pcsr import cli
+
+    def page(command: click.Command, path: str, above: click.Context | None) -> None:
+        context = click.Context(command, above, info_name=path.rpartition(" ")[2], terminal_width=100)
+        cog.outl(f"\n{'#' * (1 + len(path.split()))} `{path}`\n\n```text\n{command.get_help(context)}\n```")
+        if isinstance(command, click.Group):
+            for name in sorted(cli.COMMANDS if above is None else command.list_commands(context)):
+                page(command.get_command(context, name), f"{path} {name}", context)
+
+    page(cli.pcsr, "pcsr", None)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return " × ".join(f"{part:g}" for part in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_yaml, value))}]"
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else _shown(value)
