@@ -54,7 +54,7 @@ def test_every_command_does_what_is_said_of_it(done):
 def test_the_comparison_ends_in_a_table_of_both_fusions(done):
     (compared,) = [text for line, text in done[0] if line.startswith("pcsr compare")]
     table = compared[compared.rindex("report: ") :]
-    rows = re.findall(r"^ +(fusion\.[a-z.]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
+    rows = re.findall(r"^ *(fusion\.[a-z.]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
     assert rows == ["fusion.iterative", "fusion.my.fusion"]
 
 
