@@ -20,19 +20,9 @@ from pcsr_plugins.backbones.pu_transformer import PUTransformer
 from pcsr_plugins.encoders.mlp import Mlp
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.upsamplers.midpoint import Midpoint, evenly, interpolated, spacing
+from tests.plugins.compare import close
 
-RECIPE = Path(__file__).parents[2] / "recipes" / "tapsr-midpoint.yaml"
-
-
-@pytest.fixture(autouse=True)
-def _seed():
-    with torch.random.fork_rng():
-        torch.manual_seed(3)
-        yield
-
-
-def close(a: torch.Tensor, b: torch.Tensor, atol: float = 1e-5) -> None:
-    torch.testing.assert_close(a, b, atol=atol, rtol=0)
+RECIPE = Path(__file__).parents[3] / "recipes" / "tapsr-midpoint.yaml"
 
 
 def trained(refined: int = 6, hidden: int = 5) -> Midpoint:

@@ -9,7 +9,7 @@ from torch import nn
 from pcsr import Trait, UserError, Widths
 from pcsr_plugins.layers.frames import Frames
 from pcsr_plugins.upsamplers.fan import FARTHEST, Fan
-from tests.plugins.slow_frames import rotation, slow_around, slow_edge, slow_frame
+from tests.plugins.slow_frames import grid, rotation, slow_around, slow_edge, slow_frame
 
 CHANNELS = 5
 WIDTHS = Widths(refined=CHANNELS, rate=4)
@@ -130,6 +130,21 @@ def test_what_is_flat_stays_flat():
     points, features = cloud(n=40)
     points[..., 2] = 0
     assert torch.equal(trained(std=100.0)(points, features, 4), untrained()(points, features, 4))
+
+
+@torch.no_grad()
+def test_where_the_neighbourhood_is_flat_nothing_moves_whatever_is_rough_elsewhere():
+    points = grid()
+    left = points[0, :, 0]
+    points[..., 2] = torch.where(left > 0, 0.02 * torch.randn(len(left), dtype=torch.float64), 0)
+    flat = left < -0.3
+    fan = Fan(Widths(refined=5), neighbours=8).double()
+    features = torch.randn(1, points.shape[1], 5, dtype=torch.float64)
+    still = fan(points, features, 4)
+    nn.init.normal_(fan.mlp[-1].weight, std=100.0)
+    moved = (fan(points, features, 4) - still).norm(dim=2).view(points.shape[1], -1).amax(1)
+    assert moved[flat].max() < 1e-9
+    assert moved[left > 0].min() > 1e-3
 
 
 @given(seed=st.integers(0, 1000), rate=st.integers(1, 9))

@@ -1,56 +1,14 @@
-"""3PU's parts: their sizes as published, and each against a slow and obvious form of itself."""
+"""`progressive`: 3PU's levels, each against a slow and obvious form of itself."""
 
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from torch.nn import functional as F
 
-from pcsr import Trait, Upsampler, UserError, Widths
-from pcsr.geometry.farthest import farthest_points
-from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network
-from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
-from pcsr_plugins.encoders.linear import Linear
-from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.objectives.progressive import ProgressiveChamfer
+from pcsr import UserError, Widths
 from pcsr_plugins.upsamplers.progressive import Expansion, Progressive, nearby_mean, unit_sphere
-
-
-@pytest.fixture(autouse=True)
-def _seed():
-    with torch.random.fork_rng():
-        torch.manual_seed(7)
-        yield
-
-
-def close(a, b, atol=1e-5):
-    torch.testing.assert_close(a, b, atol=atol, rtol=0)
-
-
-def mpu(rate: int = 4, neighbours: int = 16, **progressive) -> Network:
-    widths = Widths(visual=24, rate=rate)
-    backbone = DenseEdgeConvs(widths, growth=12, between=24, neighbours=neighbours)
-    refined = Widths(visual=24, refined=backbone.channels, rate=rate)
-    upsampler = Progressive(refined, neighbours=neighbours, **progressive)
-    return Network(Linear(widths), None, NoFusion(widths), backbone, upsampler)
-
-
-# --- sizes
-
-
-def test_one_level_of_four_copies_is_as_large_as_published():
-    """PU-GCN publishes 76.2 K, of its own writing of 3PU: one level, a grid of 2 × 2."""
-    assert mpu(4, step=4).parameter_count == 76_155
-
-
-@pytest.mark.parametrize(("rate", "levels"), [(2, 1), (4, 2), (16, 4)])
-def test_a_doubling_level_has_a_code_of_one_number(rate, levels):
-    """Of two numbers, the published level's code needs 128 weights more."""
-    assert mpu(rate).parameter_count == levels * (76_155 - 128) == levels * 76_027
-
-
-# --- one level
+from tests.plugins.compare import close
+from tests.plugins.published import mpu
 
 
 @pytest.mark.parametrize("step", [2, 4])
@@ -110,9 +68,6 @@ def test_nearby_features_of_a_cloud_that_stays_where_it_was_are_finite():
     assert nearby_mean(cloud, known, cloud, known, 3).isfinite().all()
 
 
-# --- all levels
-
-
 @torch.no_grad()
 def test_the_second_level_starts_from_the_first_ones_cloud():
     network, points = mpu(4, neighbours=6), torch.rand(2, 20, 3)
@@ -137,14 +92,6 @@ def test_each_level_has_as_many_points_as_it_says(rate, step, counts):
     assert [cloud.shape[1] for cloud in clouds] == counts
 
 
-@torch.no_grad()
-def test_mpu_follows_a_permutation():
-    network, points, shuffled = mpu(4, neighbours=5).double(), torch.rand(2, 20, 3).double(), torch.randperm(20)
-    assert all(Trait.POINT_ORDER_FREE in part.traits for part in (network.encoder, network.backbone, network.upsampler))
-    dense, other = network(points, 4), network(points[:, shuffled], 4)
-    close(other.view(2, 20, 4, 3), dense.view(2, 20, 4, 3)[:, shuffled], 1e-9)
-
-
 @pytest.mark.parametrize(("rate", "step"), [(1, 2), (6, 2), (8, 4), (1, 4)])
 def test_a_rate_that_no_number_of_levels_makes_is_refused(rate, step):
     with pytest.raises(UserError, match=f"in steps of {step} and never meets the rate {rate}: choose a power of"):
@@ -160,61 +107,3 @@ def test_another_rate_than_it_was_built_for_is_refused():
 def test_levels_go_on_from_any_backbone():
     up = Progressive(Widths(refined=10, rate=4), neighbours=5)
     assert up(torch.rand(1, 20, 3), torch.rand(1, 20, 10), 4).shape == (1, 80, 3)
-
-
-# --- objective
-
-
-class Given(Upsampler):
-    """Its clouds are its weights."""
-
-    def __init__(self, clouds):
-        super().__init__()
-        self.clouds = torch.nn.ParameterList(clouds)
-
-    def stages(self, points, features, rate):
-        return list(self.clouds)
-
-
-def levels(*clouds) -> Network:
-    backbone = DenseEdgeConvs(Widths(visual=24), blocks=1, neighbours=1)
-    return Network(Linear(Widths()), None, NoFusion(Widths()), backbone, Given(clouds))
-
-
-def test_every_level_is_judged_by_the_farthest_points_of_the_truth():
-    clouds, truth = [torch.rand(2, n, 3) for n in (4, 8, 16)], torch.rand(2, 16, 3)
-    losses = ProgressiveChamfer().losses(levels(*clouds), truth[:, :2], truth, 8)
-    assert list(losses) == ["chamfer-4", "chamfer-8", "chamfer-16"]
-    for cloud, loss in zip(clouds, losses.values(), strict=True):
-        n, total = cloud.shape[1], 0
-        for b in range(2):
-            thinned = truth[b, farthest_points(truth[b].numpy(), n)] if n < 16 else truth[b]
-            total = total + chamfer(cloud[b : b + 1], thinned[None])[0]
-        close(loss, total / 2, 1e-6)
-
-
-def test_a_level_of_more_points_than_the_truth_is_judged_by_all_of_it():
-    clouds, truth = [torch.rand(1, 8, 3), torch.rand(1, 16, 3)], torch.rand(1, 6, 3)
-    losses = ProgressiveChamfer().losses(levels(*clouds), truth[:, :2], truth, 8)
-    close(losses["chamfer-8"], chamfer(clouds[0], truth)[0], 1e-6)
-
-
-def test_the_result_alone_is_judged_by_the_chamfer_distance():
-    a, b = torch.rand(2, 5, 3), torch.rand(2, 7, 3)
-    close(ProgressiveChamfer()(a, b)["chamfer"], chamfer(a, b).mean(), 0)
-
-
-def test_a_few_steps_lower_the_loss_and_reach_every_weight():
-    network, objective = mpu(4, neighbours=8), ProgressiveChamfer()
-    truth = F.normalize(torch.randn(2, 128, 3), dim=-1)
-    optimizer = torch.optim.Adam(network.parameters(), 1e-3)
-    totals = []
-    for _ in range(8):
-        optimizer.zero_grad()
-        loss = sum(objective.losses(network, truth[:, ::4], truth, 4).values())
-        loss.backward()
-        if not totals:
-            assert all(weight.grad is not None and weight.grad.abs().sum() > 0 for weight in network.parameters())
-        optimizer.step()
-        totals.append(loss.item())
-    assert totals[-1] < 0.8 * totals[0]

@@ -10,7 +10,7 @@ from pcsr.model import build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
 
-FOLDER = Path(__file__).parents[2] / "recipes"
+FOLDER = Path(__file__).parents[3] / "recipes"
 GRAFTS = sorted(path.stem for path in (FOLDER / "graft").glob("*.yaml"))
 POINTS, RATE, TOUCHES, FELT = 64, 4, 2, 32
 SMALL = ["data.points=256", f"data.rate={RATE}", f"data.touch.points={FELT}"]
@@ -35,13 +35,6 @@ def network(path):
 @pytest.fixture(params=GRAFTS)
 def name(request):
     return request.param
-
-
-@pytest.fixture(autouse=True)
-def _seed():
-    with torch.random.fork_rng():
-        torch.manual_seed(1)
-        yield
 
 
 def clouds(batch=2):

@@ -142,14 +142,20 @@ def test_only_the_nearest_are_heard():
 
 @torch.no_grad()
 def test_of_a_dense_touch_points_spread_over_it_are_heard():
-    fusion = made(heard=8)
-    line = torch.zeros(1, 1, 800, 3)
-    line[..., 0] = torch.linspace(0, 1, 800)
-    felt, said, missing = fusion._thinned(Touches(line, line.repeat(1, 1, 1, 2)[..., :4], torch.ones(1, 1).bool()))
-    assert felt.shape == (1, 8, 3)
-    assert (line[0, 0, :, :1] - felt[0, :, 0]).abs().amin(1).max() < 0.15
-    assert not missing.any()
-    assert torch.equal(said[..., 0], felt[..., 0]), "features go with their points"
+    points, features, _ = given_clouds(rows=1)
+    line = torch.zeros(1, 1, 400, 3)
+    line[..., 0] = torch.linspace(0, 1, 400)
+    said = torch.randn(1, 1, 400, 4, generator=torch.Generator().manual_seed(0))
+    fusion, there = made(heard=8, neighbours=8), torch.ones(1, 1).bool()
+    before = fusion(points, features, Touches(line, said, there))
+    louder = said[:, 0] + 100.0 * torch.eye(400).unsqueeze(-1)  # in each row another touched point
+    rows = (points.expand(400, -1, -1), features.expand(400, -1, -1))
+    after = fusion(*rows, Touches(line.expand(400, -1, -1, -1), louder.unsqueeze(1), there.expand(400, 1)))
+    heard = (after - before).abs().flatten(1).amax(1) > 1e-2
+    assert heard.sum() == 8
+    assert (line[0, 0, :, :1] - line[0, 0, heard, 0]).abs().amin(1).max() < 0.15
+    few = Touches(line[:, :, heard], said[:, :, heard], there)
+    close(fusion(points, features, few), before)  # features go with their points
 
 
 @pytest.mark.parametrize("points", [1, 2, 30])

@@ -1,0 +1,30 @@
+"""`frames`, the encoder: one convolution of nothing but the frames."""
+
+import torch
+
+from pcsr import Trait, Widths
+from pcsr_plugins.encoders.frames import FrameEncoder
+from pcsr_plugins.layers.frames import Frames
+from tests.plugins.slow_frames import curved
+
+
+def test_gradients_reach_every_weight():
+    encoder = FrameEncoder(Widths()).double()
+    encoder(curved()).square().sum().backward()
+    for weight in encoder.parameters():
+        assert weight.grad.isfinite().all()
+        assert weight.grad.abs().max() > 0
+
+
+def test_channels_are_those_asked_for_and_traits_as_claimed():
+    encoder = FrameEncoder(Widths(), channels=24)
+    assert encoder(curved().float()).shape == (2, 60, 24)
+    assert encoder.channels == 24
+    assert encoder.traits == {Trait.POINT_ORDER_FREE}
+
+
+@torch.no_grad()
+def test_it_is_one_convolution_of_how_rough_each_neighbourhood_is():
+    encoder, frames = FrameEncoder(Widths(), channels=7, neighbours=6).double(), Frames.of(curved(), 6)
+    expected = torch.relu(encoder.layer(frames.rough, frames, frames.edges()))
+    torch.testing.assert_close(encoder(curved()), expected)
