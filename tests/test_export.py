@@ -15,7 +15,7 @@ import pcsr.cli
 from pcsr.cli.export import export
 from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
-from pcsr.export import _graph, export_onnx, export_weights
+from pcsr.export import export_onnx, export_weights
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.library import Model, load
 from pcsr.model import build
@@ -122,23 +122,23 @@ def test_the_model_stays_as_it_is_and_a_batch_can_be_fixed(tiny, tmp_path):
     np.testing.assert_allclose(run(tmp_path / "tiny.onnx", points), expected, atol=1e-4)
 
 
-class Sorted(torch.nn.Module):
+class Sorted(Upsampler):
     """Every operator that is translated here."""
 
-    def forward(self, points, touches):
+    def forward(self, points, features, rate):
         rising = torch.argsort(points[..., 0], dim=-1, stable=True)
         falling = torch.argsort(points[..., 1], dim=1, stable=True, descending=True)
-        return (
-            torch.cat([rising, falling], 1).float()[..., None]
-            + torch.cdist(touches, points).mean((1, 2))[:, None, None]
-        )
+        order = torch.cat([rising, falling] * (rate // 2), 1).float()[..., None]
+        return order + torch.cdist(points[:, :10] / 2, points).mean(1).repeat(1, rate)[..., None] * torch.ones(3)
 
 
-def test_translated_operators_give_what_torch_gives():
-    points, touches = torch.randint(0, 4, (3, 30, 3)).float(), torch.rand(3, 10, 3)  # full of ties
-    graph = _graph("sorted", Sorted(), (points[:2], touches[:2]), fixed=False)
-    dense = run(graph.SerializeToString(), points, touches)
-    np.testing.assert_allclose(dense, Sorted()(points, touches), atol=1e-4)
+def test_translated_operators_give_what_torch_gives(tiny, tmp_path):
+    tiny.network.upsampler = Sorted()
+    export_onnx(tiny, tmp_path / "sorted.onnx")
+    points = torch.randint(0, 4, (3, 32, 3)).float()  # full of ties
+    with torch.no_grad():
+        expected = tiny.network(points, 4)
+    np.testing.assert_allclose(run(tmp_path / "sorted.onnx", points), expected, atol=1e-4)
 
 
 def test_exporting_branches_give_what_the_usual_ones_give(monkeypatch):

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from pcsr.contracts import Upsampler
+from pcsr.contracts import Trait, Upsampler
 from pcsr.errors import UserError
 from pcsr.geometry.anchoring import even_subset
 from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Network, _first, build
+from pcsr.model import Network, build
 from pcsr.plugins import load_plugins
 from pcsr.recipe import Recipe, load
 
@@ -350,8 +350,21 @@ def test_few_touched_points_never_leave_too_few_points(clouds):
 
 
 @pytest.mark.parametrize(("rate", "first"), [(9, 3), (12, 3), (16, 4), (24, 4), (32, 4), (64, 8), (11, 1), (128, 8)])
-def test_two_passes_share_a_rate_near_its_root(rate, first):
-    assert _first(rate, 8) == first
+@torch.no_grad()
+def test_two_passes_share_a_rate_near_its_root(clouds, rate, first):
+    net, rates = network(*NO_FUSION), []
+
+    class Noting(Upsampler):
+        traits = frozenset({Trait.ANY_RATE})
+        at_once = 8
+
+        def forward(self, points, features, rate):
+            rates.append(rate)
+            return points.repeat_interleave(rate, dim=1)
+
+    net.upsampler = Noting()
+    assert net(clouds[0][:1], rate).shape == (1, rate * N, 3)
+    assert rates == ([rate] if first == 1 else [first, rate // first])
 
 
 @torch.no_grad()
