@@ -9,18 +9,15 @@ from lightning_fabric import Fabric
 from rich.progress import Progress
 from safetensors.torch import load_file
 
-from pcsr import UserError
-from pcsr.checkpoint import load_weights, read_card, save_weights
+from pcsr.checkpoint import load_weights, save_weights
 from pcsr.data.dataset import Split
 from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import chamfer
 from pcsr.model import build
 from pcsr.place import Place, run_folder
 from pcsr.plugins import load_plugins
 from pcsr.recipe import load
 from pcsr.recipe.schema import Weights
 from pcsr.run import packages
-from pcsr.train import train
 from pcsr.trained import trained
 
 ROOT = Path(__file__).parents[1]
@@ -58,78 +55,6 @@ def weights(network):
 
 def fabric():
     return Fabric(accelerator="cpu", devices=1)
-
-
-def test_stopping_and_going_on_gives_the_weights_of_not_stopping(recipe, registry, split, tmp_path):
-    whole, parts = tmp_path / "whole", tmp_path / "parts"
-    whole.mkdir(), parts.mkdir()
-
-    def stop(progress):
-        if progress.step == 3:
-            raise KeyboardInterrupt
-
-    once = train(recipe, registry, split, split, whole, fabric())
-    with pytest.raises(KeyboardInterrupt):
-        train(recipe, registry, split, split, parts, fabric(), shown=stop, checkpoint_every=0.0)
-    twice = train(recipe, registry, split, split, parts, fabric())
-    assert torch.equal(weights(once), weights(twice))
-    steps = [json.loads(line)["step"] for line in (parts / "metrics.jsonl").read_text().splitlines() if "loss" in line]
-    assert steps == list(range(1, 7))
-
-
-def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, registry, split):
-    network = build(recipe, registry).eval()
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    plain = network(points, 4)
-    absent = torch.zeros(2, 2, dtype=torch.bool)
-    assert torch.equal(network(points, 4, felt, absent), plain)
-    mixed = network(points, 4, felt, torch.tensor([[True, True], [False, False]]))
-    assert torch.allclose(mixed[1], plain[1], atol=1e-6)
-    assert torch.allclose(mixed[0], network(points[:1], 4, felt[:1])[0], atol=1e-5)
-    assert not torch.allclose(mixed[0], plain[0], atol=1e-5)
-
-
-def test_gradients_reach_the_touch_encoder(recipe, registry, split):
-    network = build(recipe, registry)
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    network(points, 4, felt).square().sum().backward()
-    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
-
-
-def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, split):
-    network, order = build(recipe, registry).eval(), torch.randperm(64)
-    points, felt, truth = (torch.stack(list(clouds)) for clouds in (split.points, split.touches, split.truth))
-    with torch.no_grad():
-        one = chamfer(network(points, 4, felt), truth)
-        other = chamfer(network(points[:, order], 4, felt), truth)
-    assert torch.allclose(one, other, rtol=1e-5)
-
-
-def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
-    overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
-    network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    with torch.no_grad():
-        whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
-    assert whole.shape == (2, 4 * (64 + 60), 3), "in training all is judged that was made"
-    assert thinned.shape == (2, 256, 3)
-    assert torch.cdist(thinned, whole, compute_mode="donot_use_mm_for_euclid_dist").amin(2).max() < 1e-5
-
-
-def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
-    network, path = build(recipe, registry), tmp_path / "w.safetensors"
-    save_weights(path, network, {"recipe": recipe.resolved()})
-    again, recipe_again, _ = load_weights(path, registry)
-    assert recipe_again.resolved() == recipe.resolved()
-    assert torch.equal(weights(again), weights(network))
-    wider = recipe.resolved()
-    wider["model"]["encoder"]["channels"] = 16
-    save_weights(path, network, {"recipe": wider})
-    with pytest.raises(UserError, match=r"do not fit the network of their recipe: encoder\."):
-        load_weights(path, registry)
-    path.write_bytes(path.read_bytes()[:50])
-    with pytest.raises(UserError, match="not a weights file"):
-        read_card(path)
 
 
 @pytest.mark.parametrize("name", [path.stem for path in (ROOT / "pcsr/weights").glob("*.safetensors")])
