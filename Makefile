@@ -10,7 +10,7 @@ sse := ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 MKL_CBWR=COMPATIBLE 
 avx2 := ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 OPENBLAS_CORETYPE=Haswell
 avx512 := ATEN_CPU_CAPABILITY=avx512 ONEDNN_MAX_CPU_ISA=AVX512_CORE OPENBLAS_CORETYPE=SkylakeX
 NUMERIC := tests/benchmarks tests/geometry tests/grafting tests/metrics tests/plugins tests/testing tests/upsample \
-	$(patsubst %,tests/test_%.py,evaluation export library measure model train)
+	$(patsubst %,tests/test_%.py,evaluation export library measure model model_anchors train train_resume)
 
 .PHONY: run test test-numeric check bench clean
 
