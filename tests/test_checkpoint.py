@@ -158,6 +158,7 @@ def test_any_bytes_are_refused(tmp_path, content, headed):
     assert "is not a weights file of pcsr" in refusal(path)
 
 
+@pytest.mark.slow
 @FREELY
 @given(st.floats(0, 1, exclude_max=True), st.integers(1, 255))
 def test_no_byte_of_the_weights_can_change_unseen(saved, place, change):

@@ -65,6 +65,7 @@ def clouds(batch, touches, seed=0):
     return (points, felt) if touches else (points,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 3])
 def test_onnxruntime_gives_what_torch_gives(exported, shipped, batch):
     path, touches, _ = exported
@@ -76,6 +77,7 @@ def test_onnxruntime_gives_what_torch_gives(exported, shipped, batch):
     np.testing.assert_allclose(dense, expected, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_points_that_coincide_give_the_same_set(exported, shipped):
     path, touches, _ = exported
     inputs = [tensor.clone() for tensor in clouds(1, touches)]
@@ -87,6 +89,7 @@ def test_points_that_coincide_give_the_same_set(exported, shipped):
     assert cKDTree(dense).query(expected)[0].max() < 1e-4
 
 
+@pytest.mark.slow
 def test_the_file_says_what_it_is_and_nothing_of_the_machine(exported, shipped):
     path, touches, shapes = exported
     model = onnx.load(path)
@@ -108,6 +111,7 @@ def test_the_file_says_what_it_is_and_nothing_of_the_machine(exported, shipped):
     assert list(path.parent.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_the_model_stays_as_it_is_and_a_batch_can_be_fixed(tiny, tmp_path):
     tiny.network.train()
     before = {name: tensor.clone() for name, tensor in tiny.network.state_dict().items()}
@@ -132,6 +136,7 @@ class Sorted(Upsampler):
         return order + torch.cdist(points[:, :10] / 2, points).mean(1).repeat(1, rate)[..., None] * torch.ones(3)
 
 
+@pytest.mark.slow
 def test_translated_operators_give_what_torch_gives(tiny, tmp_path):
     tiny.network.upsampler = Sorted()
     export_onnx(tiny, tmp_path / "sorted.onnx")
@@ -178,6 +183,7 @@ def test_what_cannot_be_exported_is_said_and_the_old_file_stays(tiny, tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
     tiny.network.upsampler = OfTwo()
     with pytest.raises(UserError, match=r"takes no batches of any size: fix it \(batch=1, or --batch 1\)"):
@@ -212,6 +218,7 @@ def test_a_fusion_that_joins_touches_goes_without_them_only(tiny, tmp_path):
         export_onnx(joining, tmp_path / "model.onnx", touches=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "touches"), [({"upsampler": {"use": "fan"}}, 0), ({"fusion": {"use": "anchored"}}, 1)]
 )

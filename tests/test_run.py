@@ -68,6 +68,7 @@ def test_shipped_weights_are_those_of_their_recipe(name, registry):
     assert path.stat().st_size < 8e6
 
 
+@pytest.mark.slow
 def test_the_whole_way_as_a_person_goes_it(tmp_path):
     plugin = tmp_path / "mine.py"
     plugin.write_text(
@@ -101,6 +102,7 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_two_processes_train_the_weights_of_one(tmp_path):
     small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
     pcsr = str(Path(sys.executable).with_name("pcsr"))
@@ -120,6 +122,7 @@ def test_two_processes_train_the_weights_of_one(tmp_path):
     assert all(torch.allclose(one[name], two[name], atol=1e-4) for name in one)
 
 
+@pytest.mark.slow
 def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     pcsr = str(Path(sys.executable).with_name("pcsr"))
 

@@ -62,6 +62,7 @@ def two_threads():
     torch.set_num_threads(before)
 
 
+@pytest.mark.slow
 def test_a_training_goes_on_with_the_threads_that_it_began_with(two_threads, recipe, tmp_path, monkeypatch):
     monkeypatch.setattr("pcsr.threads.EACH", 1)
     whole = trained(recipe, tmp_path / "whole")
@@ -132,6 +133,7 @@ def test_training_in_patches_stops_and_resumes_alike(tmp_path):
     assert whole.upsampler.rate == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("upsampler", ["shuffle", "{use: fan, hidden: 8}"])
 def test_training_with_anchors_stops_and_resumes_alike(tmp_path, upsampler):
     changes = [

@@ -93,6 +93,7 @@ def test_of_a_mesh_the_vertices_are_taken(tmp_path, suffix):
     assert len(read_points(tmp_path / "out.ply")) % 3 == 0
 
 
+@pytest.mark.slow
 def test_a_pipe_takes_and_gives_clouds(scan):
     command = [str(Path(sys.executable).with_name("pcsr")), "upsample", "-", "-o", "-", "--rate", "2"]
     done = subprocess.run([*command, "--model", "midpoint"], input=scan.read_bytes(), capture_output=True, check=False)

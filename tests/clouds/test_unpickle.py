@@ -61,6 +61,7 @@ PLAIN = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(data=PLAIN, protocol=st.sampled_from(list(PROTOCOLS)))
 def test_any_plain_data_comes_back(tmp_path_factory, data, protocol):
     same(load(pickle.dumps(data, protocol), folder=tmp_path_factory.getbasetemp()), data)

@@ -113,6 +113,7 @@ def test_a_rotation_keeps_lengths_and_handedness(seed):
     assert np.linalg.det(turn) == pytest.approx(1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_rotations_have_no_favourite_direction():
     turned = turns(0, 4000)
     assert np.abs(turned.mean(0)).max() < 0.05  # standard error of an entry: 0.577 / sqrt(4000) = 0.009

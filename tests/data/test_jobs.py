@@ -13,6 +13,8 @@ from pcsr.errors import RunError
 from pcsr.workers import WorkerPool, worker_pool
 
 
+@pytest.mark.dask
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_whose_worker_is_killed_makes_the_same_bytes(recipe, registry, tmp_path):
     distributed = pytest.importorskip("distributed")

@@ -54,6 +54,7 @@ def test_the_search_of_a_gpu_tells_near_points_apart_far_from_the_origin():
     torch.testing.assert_close(distances.gather(2, near), distances.sort(-1).values[..., :6], rtol=1e-5, atol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
 def test_neighbours_of_many_points_need_no_matrix_of_distances():
     """65,536 points would have 17 GB of them."""

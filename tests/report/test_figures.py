@@ -70,6 +70,7 @@ def test_without_touches_and_history_there_is_no_figure_of_them(pair):
     assert set(figures(pair[:1])) == {"closeups", "object-0", "object-1"}
 
 
+@pytest.mark.slow
 def test_figure_4_shows_truth_then_input_and_touches_then_one_touch(pair):
     subjects = gather(pair).subjects
     image = touch_figure(subjects)
@@ -155,6 +156,7 @@ def test_curves_show_the_numbers_of_the_runs(pair, results, charts):
     np.testing.assert_allclose(spreads, [values.std(ddof=1)] * 2)
 
 
+@pytest.mark.slow
 def test_files_are_the_figures(pair, tmp_path):
     written = write_figures(pair, tmp_path / "out")
     drawn = figures(pair)
@@ -187,6 +189,7 @@ def test_a_file_that_fails_keeps_what_was_there(pair, tmp_path, monkeypatch):
     assert [(path.name, path.read_bytes()) for path in out.iterdir()] == [("closeups.png", b"old")]
 
 
+@pytest.mark.slow
 def test_the_page_of_a_comparison_holds_the_figures(pair, results):
     runs = [json.loads((folder / "results.json").read_text(encoding="utf-8")) for folder in pair]
     text = write_comparison(runs, "study", pair[0].parent).read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ from pcsr.clouds.formats import write_points
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "third_party"
+pytestmark = pytest.mark.slow
 PARTS = {"attention": "pcsr-fusion-attention", "taxels": "pcsr-touch-taxels"}
 
 

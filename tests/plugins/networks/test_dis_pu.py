@@ -1,5 +1,6 @@
 """Dis-PU's network as a whole."""
 
+import pytest
 import torch
 from torch.nn import functional as F
 
@@ -40,6 +41,7 @@ def test_gradient_reaches_every_weight():
             assert weight.grad.abs().max() > 0, name
 
 
+@pytest.mark.slow
 def test_a_few_steps_bring_both_clouds_nearer():
     net, objective, points, true = dis_pu(8), Objective(ramp=5), clouds(32), clouds(128)
     adam, history = torch.optim.Adam(net.parameters(), lr=1e-3), []

@@ -164,6 +164,7 @@ def test_a_tensor_of_another_network_is_refused():
         convert({"feature_extractor.conv_last.weight": torch.zeros(1)})
 
 
+@pytest.mark.slow
 def test_a_few_steps_lower_the_loss_and_reach_all_weights():
     torch.manual_seed(5)
     network, objective = small_grad_pu(), Objective()

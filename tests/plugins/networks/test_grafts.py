@@ -72,6 +72,7 @@ def test_gradients_reach_the_touch_encoder_and_a_moved_touch_moves_the_output(na
         assert not torch.equal(grafted(points, RATE, felt), grafted(points, RATE, felt * 0.5))
 
 
+@pytest.mark.slow
 def test_a_short_training_lowers_the_loss(name):
     made = recipe(FOLDER / "graft" / f"{name}.yaml")
     grafted, objective = build(made, REGISTRY).train(), made.train.objective.build(REGISTRY, "objective")

@@ -1,5 +1,6 @@
 """PU-GAN's network as a whole."""
 
+import pytest
 import torch
 from torch.nn import functional as F
 
@@ -48,6 +49,7 @@ def test_gradient_reaches_every_weight():
         assert weight.grad.abs().max() > 0, name
 
 
+@pytest.mark.slow
 def test_a_few_steps_bring_the_clouds_nearer_and_teach_the_discriminator():
     net, objective = pu_gan(neighbours=8), PuGan()
     groups = [{"params": net.parameters()}, {"params": objective.parameters(), "lr": 1e-3 * objective.pace}]

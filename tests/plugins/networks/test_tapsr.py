@@ -34,6 +34,7 @@ def test_the_network_is_its_plain_twin(counts):
     close(network(points, 16, touches, mask), plain(network)(points, 16, touches, mask))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("counts", [(0, 0), (4, 4), (1, 3)])
 def test_the_network_has_the_gradients_of_its_plain_twin(counts):
     """In double precision. In single some of the millions of maxima are tied but for rounding, and each processor
