@@ -68,6 +68,18 @@ def test_shipped_weights_are_those_of_their_recipe(name, registry):
     assert path.stat().st_size < 8e6
 
 
+def call(*words, head=()):
+    """What a command prints that ends well."""
+    command = [*head, Path(sys.executable).with_name("pcsr"), *words]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def settings(*those):
+    return [word for setting in those for word in ("--set", setting)]
+
+
 @pytest.mark.slow
 def test_the_whole_way_as_a_person_goes_it(tmp_path):
     plugin = tmp_path / "mine.py"
@@ -81,23 +93,8 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     broken = tmp_path / "broken.py"
     broken.write_text("raise RuntimeError('no')\n")
     small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
-    command = [
-        str(Path(sys.executable).with_name("pcsr")),
-        "run",
-        str(ROOT / "recipes/smoke.yaml"),
-        "--runs",
-        str(tmp_path / "r"),
-    ]
-    command += [
-        "--plugin",
-        str(plugin),
-        "--plugin",
-        str(broken),
-        *(w for s in [*TINY[:4], *small] for w in ("--set", s)),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "midpoint" in done.stdout
+    words = ["run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin, "--plugin", broken]
+    assert "midpoint" in call(*words, *settings(*TINY[:4], *small))
     (folder,) = (tmp_path / "r").glob("smoke-*")
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
 
@@ -105,17 +102,12 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
 @pytest.mark.slow
 def test_two_processes_train_the_weights_of_one(tmp_path):
     small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
-    pcsr = str(Path(sys.executable).with_name("pcsr"))
-    arguments = [pcsr, "run", str(ROOT / "recipes/smoke.yaml"), "--device", "cpu"]
-    arguments += [word for setting in [*TINY[:4], "train.batch=4", *small] for word in ("--set", setting)]
+    words = ["run", ROOT / "recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
     for head, tail in (([], []), (torchrun, ["--devices", "2"])):
         runs = tmp_path / str(len(tail))
-        done = subprocess.run(
-            [*head, *arguments, *tail, "--runs", str(runs)], capture_output=True, text=True, timeout=300
-        )
-        assert done.returncode == 0, done.stderr
+        call(*words, *tail, "--runs", runs, head=head)
         (path,) = runs.glob("smoke-*/weights.safetensors")
         trained.append(load_file(path))
     one, two = trained
@@ -124,22 +116,13 @@ def test_two_processes_train_the_weights_of_one(tmp_path):
 
 @pytest.mark.slow
 def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
-    pcsr = str(Path(sys.executable).with_name("pcsr"))
-
-    def call(*words):
-        done = subprocess.run([pcsr, *map(str, words), "--plugin", world], capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    def settings(*those):
-        return [word for setting in those for word in ("--set", setting)]
-
+    plugin = ("--plugin", world)
     made = settings("touch=caps", "points=64", "rate=4", "touches=2", "count=4", "held_out=2", "seed=5")
-    call("data", "make", "balls", "-o", tmp_path / "data", *made)
+    call("data", "make", "balls", "-o", tmp_path / "data", *made, *plugin)
     before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
     small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
     run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
-    assert "midpoint" in call(*run, *small)
+    assert "midpoint" in call(*run, *small, *plugin)
     (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
     told = json.loads(results.read_text())
     manifest = json.loads((tmp_path / "data" / "manifest.json").read_text())

@@ -15,6 +15,7 @@ from pcsr.recipe import load
 RECIPES = Path(__file__).parents[2] / "recipes"
 STUDIES = ("size", "vision", "occlusion", "sensor", "policy")
 BESIDE = ("midpoint", "floor")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,6 @@ def test_every_study_of_the_folder_is_known():
     assert {path.stem for path in (RECIPES / "touch").glob("*.yaml")} == {*STUDIES, "parts"}
 
 
-@pytest.mark.slow
 def test_size(rows):
     varied = [(r.weights.use, r.data.touch.options["object_size"], r.data.touches) for r in rows["size"]]
     sizes = (30.0, 60.0, 120.0, 320.0)
@@ -92,7 +92,6 @@ def test_baselines_are_measured_once_for_each_clouds_and_size(rows):
     assert beside == {"size": 4, "vision": 4, "occlusion": 2, "sensor": 0, "policy": 0}
 
 
-@pytest.mark.slow
 def test_rows_share_their_data(rows, plugins):
     prints = {study: [Plan.of(r, plugins).fingerprint for r in some] for study, some in rows.items()}
     assert {study: len(set(of)) for study, of in prints.items()} == {
