@@ -63,6 +63,7 @@ def test_the_losses_are_what_they_are_point_by_point(seed, surface, stray):
 
 
 @given(seed=st.integers(0, 1000))
+@settings(max_examples=20)
 def test_points_in_the_plane_cost_nothing_wherever_between_the_true_ones_they_lie(seed):
     target, _, inside = patch(seed)
     assert chamfer(inside, target) > 1e-4
@@ -72,6 +73,7 @@ def test_points_in_the_plane_cost_nothing_wherever_between_the_true_ones_they_li
 
 
 @given(seed=st.integers(0, 1000), height=st.floats(0.001, 0.1), surface=st.floats(0.1, 100))
+@settings(max_examples=20)
 def test_it_grows_with_the_square_of_the_height_whichever_side(seed, height, surface):
     target, normal, inside = patch(seed)
     for side in (height, -height):
