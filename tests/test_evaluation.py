@@ -101,7 +101,7 @@ class Slow:
 def test_the_second_upsampling_is_timed_apart(recipe, registry, split):
     slow = Slow([0.01], 0.2)
     (scores,) = evaluate(recipe, registry, [Method("ours", 5, slow)], split, jobs=1)
-    assert np.median(slow.took[True]) <= scores.seconds < 0.2
+    assert np.median(slow.took[True]) <= scores.seconds < scores.touch.seconds
     assert scores.touch.seconds >= np.median(slow.took[False])
 
 
@@ -118,7 +118,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
         torch.set_num_threads(before)
     assert slow.threads == {2}
     assert [(scores.threads, scores.load) for scores in made] == [(2, 2.5), (1, 2.5)]
-    assert np.median(slow.took[True]) <= made[0].seconds < 0.2, "neither the mean nor the longest"
+    assert np.median(slow.took[True]) <= made[0].seconds < np.mean(slow.took[True]), "not the mean"
     told = gathered(recipe, split, made, {})
     assert (told["timing"], told["hardware"]["threads"], told["hardware"]["load"]) == ("median", 2, 2.5)
 

@@ -83,6 +83,7 @@ class Twin(nn.Module):
 @pytest.fixture
 def both() -> tuple[Network, Twin]:
     """Ours and theirs, with the same weights."""
+    torch.manual_seed(5)
     twin, network = lively(Twin()), grad_pu()
     nn.init.constant_(twin.p2p_regressor["mlp_3"].bias, 0.3)
     network.load_state_dict(convert(twin.state_dict()))
