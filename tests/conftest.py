@@ -23,6 +23,14 @@ def pytest_report_header():
     return f"torch {torch.__version__} computes by {torch.backends.cpu.get_cpu_capability()}"
 
 
+def pytest_runtest_setup(item):
+    if item.get_closest_marker("gpu"):
+        import torch
+
+        if not torch.cuda.is_available():
+            pytest.skip("it needs a GPU, and CUDA is not available")
+
+
 WORLD = """
 import os
 import numpy as np

@@ -2,26 +2,22 @@
 
 import re
 import shlex
-from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 from click.testing import CliRunner
 
 from pcsr import Touch
 from pcsr.cli import pcsr
 from pcsr.clouds.formats import read_points, write_points
-from pcsr.export import _graph, export_onnx
 from pcsr.metrics import METRICS
 from pcsr.network.load import __file__ as checkpoint
 from pcsr.network.origins import __file__ as origins
 from pcsr.plugins.loading import load_plugins
 from pcsr.recorded import write
 from pcsr.testing import checks_for
-from pcsr.weights import shipped
 from pcsr.weights.file import __file__ as weights_file
 
 TEXT = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
@@ -29,34 +25,15 @@ CODE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 COMMANDS = re.findall(r"^\$ pcsr (.*)$", TEXT, re.MULTILINE)
 
 
-class Standin(torch.nn.Module):
-    """Takes and gives what the default network does; that is exported in test_export.py, which takes a while."""
-
-    def forward(self, points, touches):
-        return points.repeat_interleave(16, dim=1) + touches.mean((1, 2))[:, None]
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """`export_onnx` for what the page asks of it."""
-
-    def export(model, path, *, points, touches, touch_points, batch=None):
-        assert (model.path, batch) == (shipped("tapsr"), None)
-        example = torch.zeros(2, points, 3), torch.zeros(2, touches, touch_points, 3)
-        Path(path).write_bytes(_graph("standin", Standin(), example, fixed=False).SerializeToString())
-        return {"points": ("b", points, 3), "dense": ("b", model.recipe.data.rate * points, 3)}
-
-    assert signature(export).parameters.keys() == signature(export_onnx).parameters.keys()
-    monkeypatch.setattr("pcsr.export.export_onnx", export)
-
-
-def test_the_code_runs_from_top_to_bottom(tmp_path, monkeypatch, quick):
+@pytest.mark.slow
+def test_the_code_runs_from_top_to_bottom(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert len(CODE) == 8
     exec("".join(CODE), {})
 
 
-def test_the_commands_work(tmp_path, monkeypatch, quick):
+@pytest.mark.slow
+def test_the_commands_work(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     directions = np.random.default_rng(0).normal(size=(300, 3))
     cloud = 50 * directions / np.linalg.norm(directions, axis=1, keepdims=True)

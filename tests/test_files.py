@@ -86,6 +86,7 @@ else:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits on file sizes are POSIX")
 @pytest.mark.parametrize("kind", ["text", "tensors"])
 def test_a_disk_that_takes_no_more_loses_nothing(tmp_path, kind):

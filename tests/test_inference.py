@@ -68,6 +68,7 @@ def cloud(count=150):
     return np.random.default_rng(0).normal(size=(count, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code",
     [
@@ -84,6 +85,7 @@ def test_upsampling_imports_no_simulator(code, tmp_path):
     assert [name for name in imported if name.startswith(SIMULATION)] == []
 
 
+@pytest.mark.slow
 def test_weights_need_no_part_of_their_training(elsewhere):
     path, recipe = elsewhere
     model = load(path)

@@ -193,6 +193,7 @@ def test_everything_is_at_the_top():
     assert values.shape == (3,)
 
 
+@pytest.mark.slow
 def test_a_model_is_loaded_without_what_few_need():
     unneeded = ["pcsr.recorded", "pcsr.report", "lightning", "plotly", "onnx", "torch._dynamo"]
     script = f"import sys, pcsr; pcsr.load(); print([name for name in {unneeded} if name in sys.modules])"

@@ -146,14 +146,6 @@ def test_each_public_name_is_documented(name):
     assert f"`{name}`" in (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", [*pcsr.__all__, "pcsr_register", *registry.KINDS])
-def test_each_public_name_is_tested(name):
-    """Mentioned in some test besides this one; that the mention is worth something, no test can tell."""
-    word = re.compile(rf"\b{re.escape(name)}\b")
-    others = (path for path in (ROOT / "tests").rglob("*.py") if path != Path(__file__))
-    assert any(word.search(path.read_text(encoding="utf-8")) for path in others)
-
-
 def test_a_change_shows():
     tree = ast.parse("def f(a: int, *, b: str = 'x') -> None: ...").body[0]
     other = ast.parse("def f(a: int, *, b: str = 'y') -> None: ...").body[0]

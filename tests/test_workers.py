@@ -20,6 +20,7 @@ def die(number):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_pool_keeps_the_order():
     with worker_pool(2) as two:
         assert list(two.map(double, range(50))) == [2 * i for i in range(50)]
@@ -28,6 +29,7 @@ def test_a_pool_keeps_the_order():
         assert list(alone.map(double, range(5))) == [0, 2, 4, 6, 8]
 
 
+@pytest.mark.slow
 def test_only_a_few_results_wait_to_be_taken():
     taken = []
 
@@ -44,6 +46,7 @@ def test_only_a_few_results_wait_to_be_taken():
         stream.close()
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_one_line():
     with pytest.raises(RunError, match=r"a worker process died.*--jobs 1"), worker_pool(2) as two:
         list(two.map(die, range(4)))
@@ -65,6 +68,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="it asks ps")
 @pytest.mark.parametrize("doing", ["working", "waiting"])
 def test_workers_end_with_a_parent_that_was_killed_and_leave_no_semaphore(tmp_path, doing):

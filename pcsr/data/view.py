@@ -35,7 +35,7 @@ def seen_points(
     corners = np.asarray(mesh.vertices, np.float64)[np.unique(mesh.faces)]
     middle = rays.to_object[:3, 3]
     radius = float(np.linalg.norm(corners - middle, axis=1).max())
-    directions = _directions(view.cameras, rng)
+    directions = spread_directions(view.cameras, rng)
     yaws = rng.uniform(0, 2 * np.pi, len(directions))
     sides = [view.pixels * 2**finer for finer in range(FINER + 1)]
     for side in [side for side in sides if side <= max(view.pixels, FINEST)]:
@@ -59,7 +59,7 @@ def seen_points(
     )
 
 
-def _directions(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+def spread_directions(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
     """Unit vectors that keep apart."""
     candidates = rng.normal(size=(8 * count, 3))
     candidates /= np.linalg.norm(candidates, axis=1, keepdims=True)

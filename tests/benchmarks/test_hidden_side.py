@@ -13,6 +13,7 @@ with pytest.MonkeyPatch.context() as patch:
 FEW = ["--set", "data.shapes.held_out=2"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*touched points")
 def test_touches_of_the_unseen_side_lower_the_error_of_interpolation():
     parts = script.samples(3, FEW[1::2])
@@ -21,6 +22,7 @@ def test_touches_of_the_unseen_side_lower_the_error_of_interpolation():
     assert (touched < 0.8 * plain).all()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*touched points")
 def test_there_is_a_row_for_each_model():
     done = CliRunner().invoke(script.main, ["midpoint", "--touches", "1", *FEW])

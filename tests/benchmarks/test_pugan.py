@@ -204,6 +204,7 @@ def test_the_command_prints_both_tables(file, tmp_path, tapsr):
     assert four["midpoint"][0] == f"{(one + other) / 2:.3f} ± {abs(one - other) / 2**0.5:.3f}"
 
 
+@pytest.mark.slow
 def test_without_touches_every_shape_counts_and_without_models_the_shipped_ones(file, monkeypatch, vision):
     loaded = []
     monkeypatch.setattr(script.weights, "names", lambda: ["one", "another"])

@@ -24,6 +24,7 @@ def compare(tmp_path, monkeypatch):
     return lambda *arguments: CliRunner().invoke(pcsr, ["compare", *arguments, "--jobs", "1"])
 
 
+@pytest.mark.slow
 def test_two_fusions_and_two_seeds_become_one_table_and_one_page(compare, tmp_path):
     done = compare(SMOKE, *TINY, "--fusion", "concat", "--fusion", "iterative", "--seeds", "2", "--name", "mine")
     assert done.exit_code == 0, done.output

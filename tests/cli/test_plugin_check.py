@@ -63,6 +63,7 @@ def names(output, result):
     return [line.split()[1].rstrip(":") for line in output.splitlines() if line.split()[0] == result]
 
 
+@pytest.mark.slow
 def test_a_part_that_keeps_its_contract(invoke):
     result = invoke("lift", "--kind", "encoder")
     assert result.exit_code == 0, result.output
@@ -72,6 +73,7 @@ def test_a_part_that_keeps_its_contract(invoke):
     assert lines[-1] == f"  {len(lines) - 2} passed, 0 skipped, 0 failed"
 
 
+@pytest.mark.slow
 def test_a_part_that_does_not_says_what_to_do_and_the_command_fails(invoke):
     result = invoke("noisy")
     assert result.exit_code == 1
@@ -82,6 +84,7 @@ def test_a_part_that_does_not_says_what_to_do_and_the_command_fails(invoke):
     assert result.stderr.startswith("pcsr: error: encoder 'noisy' failed")
 
 
+@pytest.mark.slow
 def test_all_parts_of_a_name_are_checked(invoke):
     result = invoke("lift")
     assert [line for line in result.output.splitlines() if line[0] != " "] == [
@@ -91,6 +94,7 @@ def test_all_parts_of_a_name_are_checked(invoke):
     assert "skipped ragged-join: fusion Attend does not join" in result.output
 
 
+@pytest.mark.slow
 def test_an_object_and_an_upsampler_can_be_handed_in(invoke):
     trimesh.creation.box([10, 20, 30]).export("box.stl")
     assert "refuses 0 touches of 'egg'" in invoke("picky").stdout
@@ -99,6 +103,7 @@ def test_an_object_and_an_upsampler_can_be_handed_in(invoke):
     assert invoke("choosy", "--upsampler", "copy").exit_code == 0
 
 
+@pytest.mark.slow
 def test_options_are_read_as_a_recipe_reads_them(invoke):
     result = invoke("tuples")
     assert result.exit_code == 1
@@ -152,6 +157,7 @@ def test_the_parts_of_these_tests_are_sound():
         assert all(check.outcome().result == "passed" for check in checks_for(part))
 
 
+@pytest.mark.slow
 def test_the_part_of_the_file_is_checked_where_one_of_its_name_is_installed(tmp_path):
     file = tmp_path / "mine.py"
     file.write_text(

@@ -33,6 +33,7 @@ def test_every_kind_can_be_written_and_is_named_where_a_recipe_names_it():
     assert {(section, kind) for kind, section in SECTIONS.items()} <= PARTS.keys()
 
 
+@pytest.mark.slow
 def test_as_written_the_tests_of_every_kind_pass(new, tmp_path):
     for kind in SECTIONS:
         result = new(kind, f"my-{kind}")
@@ -76,6 +77,7 @@ def test_what_pip_is_told_fits_the_files(kind):
     assert f"{SECTIONS[kind]}:\n  {kind}: {{use: my-part}}" in files["README.md"]
 
 
+@pytest.mark.slow
 @given(name=st.from_regex(NAME, fullmatch=True), kind=st.sampled_from(list(SECTIONS)))
 def test_whatever_name_is_taken_makes_a_module_that_compiles(name, kind):
     try:

@@ -30,6 +30,7 @@ def test_our_recipes_have_no_mistake(path, registry):
     assert len({recipe.name for recipe in recipes}) == len(recipes)
 
 
+@pytest.mark.slow
 def test_table_4_is_the_papers_three_networks_and_others_each_with_zero_to_five_touches(registry):
     (path,) = [path for path in RECIPES if path.stem == "table4"]
     runs = load(path, registry)

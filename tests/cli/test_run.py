@@ -59,6 +59,7 @@ def train(call, data):
     return results("smoke-*")[1]
 
 
+@pytest.mark.slow
 def test_a_network_is_trained_on_several_folders_and_says_so(call, data):
     said = run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     assert f"as {data[0]} and {data[1]} says" in " ".join(said.split())
@@ -94,6 +95,7 @@ def test_folders_that_do_not_fit_are_refused_before_anything_is_written(call, da
     assert not Path("runs").exists()
 
 
+@pytest.mark.slow
 def test_a_study_puts_finished_weights_beside_others_on_other_data(call, data):
     file = train(call, data) / "weights.safetensors"
     Path("w.safetensors").write_bytes(file.read_bytes())
@@ -123,6 +125,7 @@ def test_a_study_puts_finished_weights_beside_others_on_other_data(call, data):
     assert Path("runs/study.html").is_file()
 
 
+@pytest.mark.slow
 def test_weights_score_what_they_scored_when_they_were_trained(call, data):
     trained, folder = results(train(call, data).name)
     Path("w.yaml").write_text("name: w\nevaluate: {metrics: [cd]}\n", encoding="utf-8")

@@ -1,6 +1,5 @@
-"""`pcsr upsample` and `pcsr evaluate`, run as a person would run them."""
+"""`pcsr upsample`, run as a person would run it."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from pcsr import Touch
 from pcsr.cli import pcsr
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import read_cloud, read_points, write_cloud, write_points
+from pcsr.model import load
 from pcsr.recorded import write
 
 
@@ -93,6 +93,7 @@ def test_of_a_mesh_the_vertices_are_taken(tmp_path, suffix):
     assert len(read_points(tmp_path / "out.ply")) % 3 == 0
 
 
+@pytest.mark.slow
 def test_a_pipe_takes_and_gives_clouds(scan):
     command = [str(Path(sys.executable).with_name("pcsr")), "upsample", "-", "-o", "-", "--rate", "2"]
     done = subprocess.run([*command, "--model", "midpoint"], input=scan.read_bytes(), capture_output=True, check=False)
@@ -180,24 +181,6 @@ def test_a_suffix_that_nobody_writes_is_said_before_the_work(scan, tmp_path):
     assert ".stl" in done.output
 
 
-def test_evaluate_prints_every_metric_with_its_convention(tmp_path):
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    ball.export(tmp_path / "mesh.stl")
-    write_points(tmp_path / "truth.ply", ball.vertices)
-    write_points(tmp_path / "made.ply", ball.vertices * 1.01)
-    told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
-    assert told.exit_code == 0, told.output
-    assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "the truth fills the unit sphere" in " ".join(told.output.split())
-    plain = run(
-        "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
-    )
-    assert json.loads(plain.output)["cd"] == pytest.approx(2 * 0.01**2, rel=1e-3)
-    wrong = run("evaluate", tmp_path / "made.ply", tmp_path / "none.ply")
-    assert wrong.exit_code == 2
-    assert "none.ply" in wrong.output
-
-
 def test_a_file_in_single_precision_stays_one(tmp_path):
     trimesh.PointCloud(bowl()).export(tmp_path / "in.ply")
     assert run("upsample", tmp_path / "in.ply", "-o", tmp_path / "out.ply", "--model", "midpoint").exit_code == 0
@@ -215,9 +198,16 @@ def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path
     assert len(done.output.strip().splitlines()) == 1
 
 
-def test_evaluate_says_why_there_is_no_emd(tmp_path):
-    write_points(tmp_path / "a.ply", bowl(40))
-    write_points(tmp_path / "b.ply", bowl(30))
-    told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
-    assert told.exit_code == 0
-    assert "left out: emd compares clouds of one size, got 40 and 30 points: thin one of them" in told.output
+@pytest.mark.parametrize("model", ["frames", "midpoint"])
+@pytest.mark.parametrize("touched", [False, True])
+def test_the_command_and_python_give_the_same_bytes(tmp_path, model, touched):
+    cloud, touches = bowl(), [Touch.single(bowl(400, 1)[:60], None, 1.0, "digit")] if touched else []
+    np.save(tmp_path / "in.npy", cloud)
+    write(tmp_path / "touches", touches or [Touch.single(cloud[:5], None, 1.0, "digit")])
+    more = ["--touch", tmp_path / "touches"] if touched else []
+    done = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--model", model, "--rate", 3, *more)
+    assert done.exit_code == 0, done.output
+    dense = load(model).upsample(cloud, touches, rate=3)
+    assert dense.shape == (240, 3)
+    np.save(tmp_path / "python.npy", dense)
+    assert (tmp_path / "out.npy").read_bytes() == (tmp_path / "python.npy").read_bytes()

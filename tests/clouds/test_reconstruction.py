@@ -29,6 +29,7 @@ def half_ball(count=4000, shift=0.0):
     return Cloud(points + shift, normals)
 
 
+@pytest.mark.open3d
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 def test_a_surface_goes_through_the_points_and_ends_where_they_do(library, tmp_path, suffix):
     path = tmp_path / f"mesh{suffix}"
@@ -40,6 +41,7 @@ def test_a_surface_goes_through_the_points_and_ends_where_they_do(library, tmp_p
     assert local[:, 2].min() > -0.25, "the half that is not there stays open"
 
 
+@pytest.mark.open3d
 def test_without_normals_they_are_estimated(library, tmp_path):
     assert write_surface(tmp_path / "mesh.ply", Cloud(half_ball().points, {})) > 500
 

@@ -1,18 +1,20 @@
 """Samples made in other processes, and on a cluster of which one worker dies."""
 
-import json
+import dataclasses
 import os
 import signal
 
 import pytest
 
 from pcsr.data.build import build_split
-from pcsr.data.jobs import _make_chunk, _worker
+from pcsr.data.jobs import results
 from pcsr.data.plan import Plan
 from pcsr.errors import RunError
 from pcsr.workers import WorkerPool, worker_pool
 
 
+@pytest.mark.dask
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_whose_worker_is_killed_makes_the_same_bytes(recipe, registry, tmp_path):
     distributed = pytest.importorskip("distributed")
@@ -37,11 +39,11 @@ def test_a_cluster_whose_worker_is_killed_makes_the_same_bytes(recipe, registry,
 
 
 def test_a_plugin_that_is_edited_while_it_is_used_elsewhere_is_not_mixed_in(recipe, registry, world, tmp_path):
-    file = tmp_path / "world.py"
-    file.write_text(world.read_text())
-    plain, files = json.dumps(recipe("count=2").resolved()), (str(file),)
-    assert len(_make_chunk(plain, files, ("train/000",))) == 1, "the same code under another path"
-    _worker.cache_clear()
-    file.write_text(world.read_text() + "\n")
+    plan, pool = Plan.of(recipe("count=2"), registry), WorkerPool(None, 1)
+    same, edited = tmp_path / "same" / "world.py", tmp_path / "edited" / "world.py"
+    for file, end in ((same, ""), (edited, "\n")):
+        file.parent.mkdir()
+        file.write_text(world.read_text() + end)
+    assert len(list(results(dataclasses.replace(plan, files=(same,)), ["train/000"], pool))) == 1
     with pytest.raises(RunError, match=r"the code of world\.py is another here than where the building began"):
-        _make_chunk(plain, files, ("train/000",))
+        list(results(dataclasses.replace(plan, files=(edited,)), ["train/000"], pool))

@@ -71,6 +71,7 @@ list(prepared(Slow(split(), 4, (0, 2), (), 3), range(8), 2))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="it asks ps")
 def test_loaders_end_with_a_training_that_was_killed(tmp_path):
     with killed_while(PARENT, "", tmp_path, ready=2) as (loaders, _):
@@ -82,6 +83,7 @@ def test_no_process_is_started_where_none_is_asked_for():
     assert {batch.truth[0].item() for batch in prepared(Told(split(), 4, (0, 2), (), 3), range(3), 0)} == {os.getpid()}
 
 
+@pytest.mark.slow
 def test_loaders_work_where_processes_are_spawned_and_all_is_handed_over():
     loader = prepared(batches(*ALL), range(3), 1)
     loader.multiprocessing_context = "spawn"

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from pcsr import UserError
-from pcsr.data.view import _directions, seen_points
+from pcsr.data.view import seen_points, spread_directions
 from pcsr.recipe import View
 
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=5.0).apply_translation([100.0, -20.0, 3.0])
@@ -36,7 +36,7 @@ def test_more_cameras_see_more_of_it():
     shares = []
     for cameras in (1, 2, 6):
         points = (seen(BALL, 4000, cameras=cameras) - CENTRE) / 5
-        directions = _directions(400, np.random.default_rng(1))
+        directions = spread_directions(400, np.random.default_rng(1))
         shares.append(((directions @ points.T).max(1) > 0.98).mean())
     assert shares[0] < 0.45 < shares[1] < shares[2]
     assert shares[2] > 0.85
@@ -77,7 +77,7 @@ def test_an_object_too_thin_to_see_is_named():
 
 
 def test_directions_keep_apart():
-    directions = _directions(6, np.random.default_rng(0))
+    directions = spread_directions(6, np.random.default_rng(0))
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
     cosines = directions @ directions.T - 2 * np.eye(6)
     assert cosines.max() < np.cos(np.radians(40))

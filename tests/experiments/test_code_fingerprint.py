@@ -76,6 +76,7 @@ def results(folder):
     return json.loads((Path("runs") / folder / "results.json").read_text())
 
 
+@pytest.mark.slow
 def test_after_an_edit_it_is_trained_again_beside_the_old_run(call):
     call()
     (old,) = folders()
@@ -153,6 +154,7 @@ def test_without_old_weights_none_are_kept(call):
     assert "give one of the two" in call("--keep-weights", "--retrain", code=UserError.exit_code)
 
 
+@pytest.mark.slow
 def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a_stop(call, monkeypatch):
     call()
     (folder,) = folders()
@@ -204,6 +206,7 @@ def test_what_names_weights_is_not_retrained(call):
     assert "recipe 'smoke' names weights, so that nothing is trained: leave out --retrain" in said
 
 
+@pytest.mark.slow
 def test_an_edited_touch_source_makes_other_data_but_not_of_data_that_is_built(call):
     call()
     (old,) = folders()
@@ -219,6 +222,7 @@ def test_an_edited_touch_source_makes_other_data_but_not_of_data_that_is_built(c
     assert "weights: this run folder" in call("--data", built)
 
 
+@pytest.mark.slow
 def test_weights_of_other_code_are_used_with_a_warning(call):
     call()
     (folder,) = folders()

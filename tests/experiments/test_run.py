@@ -9,15 +9,12 @@ from lightning_fabric import Fabric
 from rich.progress import Progress
 from safetensors.torch import load_file
 
-from pcsr import UserError
 from pcsr.data.dataset import Split
 from pcsr.experiments.run import packages
 from pcsr.experiments.run_options import Place, run_folder
-from pcsr.experiments.train import train
 from pcsr.experiments.trained_network import trained
 from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import chamfer
-from pcsr.network.load import load_weights, read_card, save_weights
+from pcsr.network.load import load_weights, save_weights
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
@@ -60,78 +57,6 @@ def fabric():
     return Fabric(accelerator="cpu", devices=1)
 
 
-def test_stopping_and_going_on_gives_the_weights_of_not_stopping(recipe, registry, split, tmp_path):
-    whole, parts = tmp_path / "whole", tmp_path / "parts"
-    whole.mkdir(), parts.mkdir()
-
-    def stop(progress):
-        if progress.step == 3:
-            raise KeyboardInterrupt
-
-    once = train(recipe, registry, split, split, whole, fabric())
-    with pytest.raises(KeyboardInterrupt):
-        train(recipe, registry, split, split, parts, fabric(), shown=stop, checkpoint_every=0.0)
-    twice = train(recipe, registry, split, split, parts, fabric())
-    assert torch.equal(weights(once), weights(twice))
-    steps = [json.loads(line)["step"] for line in (parts / "metrics.jsonl").read_text().splitlines() if "loss" in line]
-    assert steps == list(range(1, 7))
-
-
-def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, registry, split):
-    network = build(recipe, registry).eval()
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    plain = network(points, 4)
-    absent = torch.zeros(2, 2, dtype=torch.bool)
-    assert torch.equal(network(points, 4, felt, absent), plain)
-    mixed = network(points, 4, felt, torch.tensor([[True, True], [False, False]]))
-    assert torch.allclose(mixed[1], plain[1], atol=1e-6)
-    assert torch.allclose(mixed[0], network(points[:1], 4, felt[:1])[0], atol=1e-5)
-    assert not torch.allclose(mixed[0], plain[0], atol=1e-5)
-
-
-def test_gradients_reach_the_touch_encoder(recipe, registry, split):
-    network = build(recipe, registry)
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    network(points, 4, felt).square().sum().backward()
-    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
-
-
-def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, split):
-    network, order = build(recipe, registry).eval(), torch.randperm(64)
-    points, felt, truth = (torch.stack(list(clouds)) for clouds in (split.points, split.touches, split.truth))
-    with torch.no_grad():
-        one = chamfer(network(points, 4, felt), truth)
-        other = chamfer(network(points[:, order], 4, felt), truth)
-    assert torch.allclose(one, other, rtol=1e-5)
-
-
-def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
-    overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
-    network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
-    points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    with torch.no_grad():
-        whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
-    assert whole.shape == (2, 4 * (64 + 60), 3), "in training all is judged that was made"
-    assert thinned.shape == (2, 256, 3)
-    assert torch.cdist(thinned, whole, compute_mode="donot_use_mm_for_euclid_dist").amin(2).max() < 1e-5
-
-
-def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
-    network, path = build(recipe, registry), tmp_path / "w.safetensors"
-    save_weights(path, network, {"recipe": recipe.resolved()})
-    again, recipe_again, _ = load_weights(path, registry)
-    assert recipe_again.resolved() == recipe.resolved()
-    assert torch.equal(weights(again), weights(network))
-    wider = recipe.resolved()
-    wider["model"]["encoder"]["channels"] = 16
-    save_weights(path, network, {"recipe": wider})
-    with pytest.raises(UserError, match=r"do not fit the network of their recipe: encoder\."):
-        load_weights(path, registry)
-    path.write_bytes(path.read_bytes()[:50])
-    with pytest.raises(UserError, match="not a weights file"):
-        read_card(path)
-
-
 @pytest.mark.parametrize("name", [path.stem for path in (ROOT / "pcsr/weights").glob("*.safetensors")])
 def test_shipped_weights_are_those_of_their_recipe(name, registry):
     path = ROOT / f"pcsr/weights/{name}.safetensors"
@@ -143,6 +68,19 @@ def test_shipped_weights_are_those_of_their_recipe(name, registry):
     assert path.stat().st_size < 8e6
 
 
+def call(*words, head=()):
+    """What a command prints that ends well."""
+    command = [*head, Path(sys.executable).with_name("pcsr"), *words]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def settings(*those):
+    return [word for setting in those for word in ("--set", setting)]
+
+
+@pytest.mark.slow
 def test_the_whole_way_as_a_person_goes_it(tmp_path):
     plugin = tmp_path / "mine.py"
     plugin.write_text(
@@ -155,63 +93,36 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     broken = tmp_path / "broken.py"
     broken.write_text("raise RuntimeError('no')\n")
     small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
-    command = [
-        str(Path(sys.executable).with_name("pcsr")),
-        "run",
-        str(ROOT / "recipes/smoke.yaml"),
-        "--runs",
-        str(tmp_path / "r"),
-    ]
-    command += [
-        "--plugin",
-        str(plugin),
-        "--plugin",
-        str(broken),
-        *(w for s in [*TINY[:4], *small] for w in ("--set", s)),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "midpoint" in done.stdout
+    words = ["run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin, "--plugin", broken]
+    assert "midpoint" in call(*words, *settings(*TINY[:4], *small))
     (folder,) = (tmp_path / "r").glob("smoke-*")
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_two_processes_train_the_weights_of_one(tmp_path):
     small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
-    pcsr = str(Path(sys.executable).with_name("pcsr"))
-    arguments = [pcsr, "run", str(ROOT / "recipes/smoke.yaml"), "--device", "cpu"]
-    arguments += [word for setting in [*TINY[:4], "train.batch=4", *small] for word in ("--set", setting)]
+    words = ["run", ROOT / "recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
     for head, tail in (([], []), (torchrun, ["--devices", "2"])):
         runs = tmp_path / str(len(tail))
-        done = subprocess.run(
-            [*head, *arguments, *tail, "--runs", str(runs)], capture_output=True, text=True, timeout=300
-        )
-        assert done.returncode == 0, done.stderr
+        call(*words, *tail, "--runs", runs, head=head)
         (path,) = runs.glob("smoke-*/weights.safetensors")
         trained.append(load_file(path))
     one, two = trained
     assert all(torch.allclose(one[name], two[name], atol=1e-4) for name in one)
 
 
+@pytest.mark.slow
 def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
-    pcsr = str(Path(sys.executable).with_name("pcsr"))
-
-    def call(*words):
-        done = subprocess.run([pcsr, *map(str, words), "--plugin", world], capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    def settings(*those):
-        return [word for setting in those for word in ("--set", setting)]
-
+    plugin = ("--plugin", world)
     made = settings("touch=caps", "points=64", "rate=4", "touches=2", "count=4", "held_out=2", "seed=5")
-    call("data", "make", "balls", "-o", tmp_path / "data", *made)
+    call("data", "make", "balls", "-o", tmp_path / "data", *made, *plugin)
     before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
     small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
     run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
-    assert "midpoint" in call(*run, *small)
+    assert "midpoint" in call(*run, *small, *plugin)
     (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
     told = json.loads(results.read_text())
     manifest = json.loads((tmp_path / "data" / "manifest.json").read_text())

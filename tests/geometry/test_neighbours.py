@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pcsr import UserError
-from pcsr.geometry.neighbours import CHUNK, ROWS, _nearest_in_space, gather, knn, neighbour_max
+from pcsr.geometry.neighbours import CHUNK, ROWS, gather, knn, nearest_in_space, neighbour_max
 
 
 @pytest.mark.parametrize("d", [2, 3, 5])
@@ -40,20 +40,21 @@ def test_the_search_of_a_gpu_finds_what_trees_find(d, q, k):
     generator = torch.Generator().manual_seed(10 * d + k)
     query, points = torch.randn(3, q, d, generator=generator), torch.randn(3, 30, d, generator=generator)
     kept = query.clone(), points.clone()
-    assert torch.equal(_nearest_in_space(query, points, k), knn(query, points, k))
+    assert torch.equal(nearest_in_space(query, points, k), knn(query, points, k))
     assert all(torch.equal(now, before) for now, before in zip((query, points), kept, strict=True)), "inputs stay"
-    own = _nearest_in_space(points, points, 3)
+    own = nearest_in_space(points, points, 3)
     assert torch.equal(own[..., 0], torch.arange(30).expand(3, -1))
 
 
 def test_the_search_of_a_gpu_tells_near_points_apart_far_from_the_origin():
     generator = torch.Generator().manual_seed(0)
     points = torch.randn(2, 60, 3, generator=generator) * 1e-3 + 100
-    near = _nearest_in_space(points, points, 6)
+    near = nearest_in_space(points, points, 6)
     distances = (points[:, :, None] - points[:, None]).double().square().sum(-1)
     torch.testing.assert_close(distances.gather(2, near), distances.sort(-1).values[..., :6], rtol=1e-5, atol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
 def test_neighbours_of_many_points_need_no_matrix_of_distances():
     """65,536 points would have 17 GB of them."""

@@ -19,6 +19,7 @@ class Weighing(Fusion):
         return features + match.softmax(-1) @ self.value(touches.flat)
 
 
+@pytest.mark.slow
 def test_an_exported_graft_gives_the_same_for_any_batch(world):
     points, touches = world
     case = CASES["pu-net"]
@@ -45,6 +46,7 @@ def test_the_default_fusion_is_exported(world):
     torch.testing.assert_close(given["dense"], wanted["dense"], atol=1e-5, rtol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fusion", ["iterative", "concat"])
 def test_fusions_that_pair_points_are_exported_for_any_batch(world, fusion):
     points, touches = world

@@ -1,4 +1,4 @@
-"""The fuzzer of all readers, for a minute where everything is tested, else for some seconds."""
+"""The fuzzer of all readers, for half a minute where everything is tested, else for some seconds."""
 
 import os
 import subprocess
@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 FUZZER = Path(__file__).with_name("fuzz_readers.py")
-SECONDS = 60 if os.environ.get("CI") else 5
+SECONDS = 30 if os.environ.get("CI") else 5
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="memory is bounded by way of POSIX")

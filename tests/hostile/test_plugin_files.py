@@ -184,6 +184,7 @@ def test_what_a_plugin_prints_is_no_part_of_the_output(limited, write, tmp_path)
     assert "loading" in outcome.err
 
 
+@pytest.mark.slow
 def test_a_plugin_that_closes_the_streams_of_the_system(write, tmp_path):
     path = write("import os, sys; sys.__stdout__.close(); os.close(2); os.close(0)")
     done = subprocess.run(
@@ -230,6 +231,7 @@ def pcsr_register(register):
 """
 
 
+@pytest.mark.slow
 def test_a_check_that_runs_on_fails_and_the_others_go_on(tmp_path):
     (tmp_path / "lab.py").write_text(CHECKED)
     options = ["lab.py", "--plugin", "lab.py", "--time-limit", "15"]

@@ -1,6 +1,7 @@
 """That the process which bounds hostile commands measures them."""
 
 import numpy as np
+import pytest
 
 
 def test_a_good_command_is_good(limited, tmp_path):
@@ -14,6 +15,7 @@ def test_a_mistake_is_one_line(limited, tmp_path):
     limited("upsample", "in.xyz", "-o", "out.xyz", folder=tmp_path).refused("in.xyz", "No such file")
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_the_command_alone(limited, tmp_path):
     np.save(tmp_path / "in.npy", np.zeros((5_000_000, 3)))
     large = limited("upsample", "in.npy", "-o", "out.npy", folder=tmp_path)

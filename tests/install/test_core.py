@@ -156,6 +156,7 @@ def test_every_optional_package_that_is_here_is_hidden(absent):
     assert not {"torch", "numpy", "scipy", "trimesh", "PIL", "networkx", "yaml_that_nobody_has"} & set(absent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORK)
 def test_the_core_works(outcomes, folder, name):
     outcome = outcomes[tuple(WORK[name])]

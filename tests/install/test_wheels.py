@@ -27,6 +27,7 @@ MACHINES = {
 }
 CASES = [("Linux on aarch64", "3.11"), ("Linux on aarch64", "3.14"), ("macOS on arm64", "3.14"), ("Windows", "3.11")]
 """Each takes a few seconds; those that are missing were looked at once."""
+pytestmark = pytest.mark.slow
 
 
 def pip_install(machine, python, *arguments):

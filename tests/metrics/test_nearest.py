@@ -8,10 +8,7 @@ from pcsr.metrics import METRICS
 from pcsr.metrics import nearest as module
 from pcsr.metrics.nearest import nearest, nearest_squared
 
-DEVICES = [
-    "cpu",
-    pytest.param("cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")),
-]
+DEVICES = ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)]
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -30,7 +27,7 @@ def test_small_differences_survive_far_from_the_origin(device):
     assert nearest_squared(points, points).max() == 0
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
+@pytest.mark.gpu
 @pytest.mark.parametrize("batch", [1, 3])
 @pytest.mark.parametrize(
     ("s", "t"), [(1, 1), (5, 7), (32, 256), (33, 257), (31, 255), (1000, 3), (3, 1000), (700, 901)]
@@ -56,7 +53,7 @@ def test_the_kernel_agrees_with_looking_at_every_distance(batch, s, t, kind):
         assert torch.equal(index, first)
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
+@pytest.mark.gpu
 def test_the_kernel_takes_any_layout_and_precision():
     from pcsr.metrics.nearest_cuda import nearest_cuda
 

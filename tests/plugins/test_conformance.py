@@ -12,7 +12,13 @@ from pcsr.testing.touching import egg
 
 REGISTRY = load_plugins()
 PARTS = {(entry.kind, entry.name): entry.load() for entry in REGISTRY if entry.owner == "pcsr"}
-CHECKS = [(kind, name, check.name) for (kind, name), part in PARTS.items() for check in checks_for(part)]
+LONG = {"export", "gradcheck", "items"}
+"""Checks that take a second or two of some parts."""
+CHECKS = [
+    pytest.param(*case, id="-".join(case), marks=[pytest.mark.slow] if case[2] in LONG else [])
+    for (kind, name), part in PARTS.items()
+    for case in ((kind, name, check.name) for check in checks_for(part))
+]
 
 
 @pytest.fixture(scope="session")
@@ -30,7 +36,7 @@ def given(tmp_path_factory):
     }
 
 
-@pytest.mark.parametrize(("kind", "name", "check"), CHECKS, ids=["-".join(case) for case in CHECKS])
+@pytest.mark.parametrize(("kind", "name", "check"), CHECKS)
 def test_part(kind, name, check, given):
     run = {one.name: one for one in checks_for(PARTS[kind, name], **given.get((kind, name), {}))}
     run[check]()

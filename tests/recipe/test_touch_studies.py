@@ -15,6 +15,7 @@ from pcsr.recipe import load
 RECIPES = Path(__file__).parents[2] / "recipes"
 STUDIES = ("size", "vision", "occlusion", "sensor", "policy")
 BESIDE = ("midpoint", "floor")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from pcsr.network.load import read_card
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "third_party"
+pytestmark = pytest.mark.slow
 PARTS = {"attention": "pcsr-fusion-attention", "taxels": "pcsr-touch-taxels"}
 
 

@@ -40,6 +40,7 @@ def test_the_first_thing_on_the_page_is_a_plugin_in_one_file():
     assert {language for language, _ in BLOCKS} == {"python", "yaml", "sh", "toml"}
 
 
+@pytest.mark.slow
 def test_every_command_does_what_is_said_of_it(done):
     printed, folder = done
     assert len(printed) >= 12
@@ -51,6 +52,7 @@ def test_every_command_does_what_is_said_of_it(done):
     assert set(files.split(", ")) == {path.name for path in (folder / "my-fusion").iterdir() if path.is_file()}
 
 
+@pytest.mark.slow
 def test_the_comparison_ends_in_a_table_of_both_fusions(done):
     (compared,) = [text for line, text in done[0] if line.startswith("pcsr compare")]
     table = compared[compared.rindex("report: ") :]
@@ -58,6 +60,7 @@ def test_the_comparison_ends_in_a_table_of_both_fusions(done):
     assert rows == ["fusion.iterative", "fusion.my.fusion"]
 
 
+@pytest.mark.slow
 def test_weights_say_what_has_to_be_installed(done):
     _, folder = done
     run = next(path for path in (folder / "runs").glob("small-fusion.my.fusion-*") if path.is_dir())

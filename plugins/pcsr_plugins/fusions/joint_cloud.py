@@ -2,10 +2,10 @@
 
 The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
 and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here the host puts the touched
-points in the place of what the network made around them, as densely as the rest (`keeps_touched_points`); where there is another
-pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the network
-learns of places where the spacing changes. In use they don't: a cloud that is many times as dense in one place is not
-what neighbourhoods look like elsewhere, and took back most of what the touch had brought.
+points in the place of what the network made around them, as densely as the rest (`keeps_touched_points`); where there
+is another pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the
+network learns how the spacing changes at their border. At inference they don't: a cloud that is many times as dense in
+one region is unlike all others, and that took back most of what the touch had brought.
 """
 
 from typing import ClassVar

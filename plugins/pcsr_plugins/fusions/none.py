@@ -37,7 +37,7 @@ class NoFusion(Fusion):
         counts = mask.sum(1)
         if (counts != counts[0]).any():
             raise UserError(
-                f"fusion '{type(self).__module__.rpartition('.')[2]}' joins the touches to the cloud, so one batch "
+                f"fusion '{type(self).__module__.rpartition('.')[2].replace('_', '-')}' joins the touches to the cloud, so one batch "
                 f"must hold the same number of touches "
                 f"in each row, got {counts.tolist()}: group the rows by their number of touches"
             )

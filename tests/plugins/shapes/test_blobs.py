@@ -28,6 +28,7 @@ def fingerprint(mesh):
     return [round(float(number), 3) for number in [mesh.area, mesh.volume, *mesh.extents, *mesh.center_mass]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_body_is_sound_and_no_two_are_alike(family):
     looks = []

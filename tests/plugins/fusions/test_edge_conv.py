@@ -1,0 +1,167 @@
+"""`edge-conv`: each visual point hears the touched points nearest to it, whoever else there is."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import nn
+from torch.nn import functional as F
+
+from pcsr import Fusion, TouchBatch, Trait, Widths
+from pcsr_plugins.fusions.edge_conv import EdgeConvFusion
+
+WIDTHS = Widths(visual=6, touch=4)
+N = 15
+
+
+def made(seed=0, **options):
+    """One that has learned something: as it is built, nothing is added."""
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        fusion = EdgeConvFusion(WIDTHS, hidden=10, **options)
+        nn.init.normal_(fusion.out.weight)
+    return fusion
+
+
+def given_clouds(seed=0, touches=3, points=9, rows=2):
+    random = torch.Generator().manual_seed(seed)
+    cloud, features = torch.randn(rows, N, 3, generator=random), torch.randn(rows, N, 6, generator=random)
+    felt = torch.randn(rows, touches, points, 3, generator=random)
+    said = torch.randn(rows, touches, points, 4, generator=random)
+    return cloud, features, TouchBatch(felt, said, torch.ones(rows, touches, dtype=torch.bool))
+
+
+def close(a, b):
+    torch.testing.assert_close(a, b, atol=1e-5, rtol=1e-5)
+
+
+def slowly(fusion, points, features, touches):
+    """The line of the module's docstring for one visual point after the other; every touched point can be heard."""
+    rows = []
+    for b in range(len(points)):
+        felt, said = (
+            touches.points[b, touches.mask[b]].flatten(0, 1),
+            touches.features[b, touches.mask[b]].flatten(0, 1),
+        )
+        for p, f in zip(points[b], features[b], strict=True):
+            edges = []
+            for j in (felt - p).norm(dim=1).argsort()[: fusion.neighbours]:
+                way = felt[j] - p
+                edges.append(
+                    F.relu(fusion.here(f) + fusion.there(said[j]) + fusion.way(torch.cat([way, way.norm()[None]])))
+                )
+            rows.append(f + fusion.out(torch.stack(edges).max(0).values))
+    return torch.stack(rows).view_as(features)
+
+
+def test_it_claims_what_the_host_acts_on():
+    assert EdgeConvFusion.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}
+    assert EdgeConvFusion.keeps_touched_points
+    assert EdgeConvFusion.uses_touch_features
+    assert not Fusion.keeps_touched_points
+
+
+def test_as_it_is_built_it_adds_nothing():
+    points, features, touches = given_clouds()
+    assert torch.equal(EdgeConvFusion(WIDTHS)(points, features, touches), features)
+
+
+@given(seed=st.integers(0, 100), neighbours=st.integers(1, 12))
+@settings(max_examples=15)
+@torch.no_grad()
+def test_it_is_the_line_of_its_docstring(seed, neighbours):
+    points, features, touches = given_clouds(seed)
+    touches.mask[0, seed % 3] = False
+    fusion = made(seed, neighbours=neighbours)
+    close(fusion(points, features, touches), slowly(fusion, points, features, touches))
+
+
+@given(seed=st.integers(0, 100), heard=st.integers(1, 12))
+@settings(max_examples=15)
+@torch.no_grad()
+def test_neither_the_order_of_touches_nor_that_of_their_points_matters(seed, heard):
+    points, features, touches = given_clouds(seed)
+    touches.mask[0, 1] = False
+    random = torch.Generator().manual_seed(seed)
+    a, m = torch.randperm(3, generator=random), torch.randperm(9, generator=random)
+    other = TouchBatch(touches.points[:, a][:, :, m], touches.features[:, a][:, :, m], touches.mask[:, a])
+    fusion = made(points_per_touch=heard)
+    close(fusion(points, features, other), fusion(points, features, touches))
+
+
+@torch.no_grad()
+def test_visual_points_are_heard_in_any_order():
+    points, features, touches = given_clouds()
+    order, fusion = torch.randperm(N, generator=torch.Generator().manual_seed(1)), made()
+    close(fusion(points[:, order], features[:, order], touches), fusion(points, features, touches)[:, order])
+
+
+@torch.no_grad()
+def test_what_stands_in_the_place_of_a_missing_touch_is_not_heard():
+    points, features, touches = given_clouds()
+    mask = torch.tensor([[True, False, True], [False, False, True]])
+    fusion = made(neighbours=20)
+    there = fusion(points, features, TouchBatch(touches.points, touches.features, mask))
+    other, said = touches.points.clone(), touches.features.clone()
+    other[~mask], said[~mask] = 0.01, 99.0
+    assert torch.equal(fusion(points, features, TouchBatch(other, said, mask)), there)
+    alone = TouchBatch(touches.points[:1, [0, 2]], touches.features[:1, [0, 2]], mask[:1, [0, 2]])
+    close(fusion(points[:1], features[:1], alone), there[:1])
+
+
+def test_a_missing_touch_gets_no_gradient_and_does_no_harm():
+    points, features, touches = given_clouds()
+    mask = torch.tensor([[True, False, True], [True, True, False]])
+    said = touches.features.clone().requires_grad_()
+    points.requires_grad_()
+    points.data[0, 0] = touches.points[0, 0, 0]  # a way of no length
+    fusion = made(neighbours=30)
+    fusion(points, features, TouchBatch(touches.points, said, mask)).square().sum().backward()
+    assert said.grad[~mask].abs().max() == 0
+    assert (said.grad[mask] != 0).flatten(1).any(1).all()
+    for grad in (points.grad, *(weight.grad for weight in fusion.parameters())):
+        assert grad.isfinite().all()
+        assert grad.abs().max() > 0
+
+
+@torch.no_grad()
+def test_only_the_nearest_are_heard():
+    points, features, touches = given_clouds(touches=1)
+    fusion = made(neighbours=4)
+    before = fusion(points, features, touches)
+    nearest = torch.cdist(points[0], touches.points[0, 0]).argsort(1)[:, :4]
+    for j in range(9):
+        said = touches.features.clone()
+        said[0, 0, j] += 100.0
+        moved = (fusion(points, features, TouchBatch(touches.points, said, touches.mask)) != before)[0].any(1)
+        hears = (nearest == j).any(1)
+        assert not moved[~hears].any()
+        # 100 more of everything is louder, or softer, than all others in some channel.
+        assert moved[hears].all()
+
+
+@torch.no_grad()
+def test_of_a_dense_touch_points_spread_over_it_are_heard():
+    points, features, _ = given_clouds(rows=1)
+    line = torch.zeros(1, 1, 400, 3)
+    line[..., 0] = torch.linspace(0, 1, 400)
+    said = torch.randn(1, 1, 400, 4, generator=torch.Generator().manual_seed(0))
+    fusion, there = made(points_per_touch=8, neighbours=8), torch.ones(1, 1).bool()
+    before = fusion(points, features, TouchBatch(line, said, there))
+    louder = said[:, 0] + 100.0 * torch.eye(400).unsqueeze(-1)  # in each row another touched point
+    rows = (points.expand(400, -1, -1), features.expand(400, -1, -1))
+    after = fusion(*rows, TouchBatch(line.expand(400, -1, -1, -1), louder.unsqueeze(1), there.expand(400, 1)))
+    heard = (after - before).abs().flatten(1).amax(1) > 1e-2
+    assert heard.sum() == 8
+    assert (line[0, 0, :, :1] - line[0, 0, heard, 0]).abs().amin(1).max() < 0.15
+    few = TouchBatch(line[:, :, heard], said[:, :, heard], there)
+    close(fusion(points, features, few), before)  # features go with their points
+
+
+@pytest.mark.parametrize("points", [1, 2, 30])
+@torch.no_grad()
+def test_touches_may_have_any_number_of_points(points):
+    cloud, features, touches = given_clouds(points=points, touches=1)
+    fused = made()(cloud, features, touches)
+    assert fused.shape == features.shape
+    assert fused.isfinite().all()

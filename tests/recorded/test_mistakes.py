@@ -1,0 +1,134 @@
+"""What is wrong with a recording is said, entry by entry or at once."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pcsr import Touch, UserError
+from pcsr.clouds.formats import write_points
+from pcsr.recorded import MANIFEST, read, write
+from tests.recorded.recordings import CLOUD, STILL, record
+
+
+def reason(folder, touch, **head):
+    """Why one touch is left out, beside a good one that is not."""
+    write_points(folder / "good.ply", CLOUD)
+    good = {"cloud": "good.ply", "pose": STILL}
+    recording = read(record(folder, good, touch, good | {"name": "again"}, **head))
+    assert recording.names == ["good.ply", "again"]
+    (text,) = recording.skipped.values()
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("touch", "expected"),
+    [
+        ({"cloud": "0.npy"}, "touches.1: pose is missing"),
+        ({"cloud": None, "pose": STILL}, "touches.1.cloud: only a finger of a grasp"),
+        ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: no unit of that name"),
+        ({"cloud": "0.npy", "pose": STILL | {"quaternion": [0, 0, 0, 0]}}, "pose.quaternion: its norm is 0, not 1"),
+        ({"cloud": "0.npy", "pose": STILL | {"order": "wxzy"}}, "touches.1.pose.order: it must be 'xyzw' or"),
+        ({"cloud": "9.npy", "pose": STILL}, "9.npy cannot be read: No such file"),
+        ({"cloud": "../0.npy", "pose": STILL}, "file '../0.npy' is not inside of the recording's folder"),
+        ({"cloud": "/0.npy", "pose": STILL}, "file '/0.npy' is not inside"),
+        ({"cloud": "touches.json", "pose": STILL}, "no cloud format '.json'"),
+        ({"height": "0.npy", "pose": STILL}, "touches.1.mm_per_level is missing: add it; touches.json: touches.1.mm"),
+        ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it says cloud and depth: it needs one of"),
+        ("0.npy", "touches.1: it says none"),
+        ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be 0 or more, got -1"),
+    ],
+)
+def test_a_bad_entry_is_left_out_and_the_others_go_on(folder, touch, expected):
+    text = reason(folder, touch)
+    assert text.startswith("touches.json: touches.1")
+    assert expected in text
+
+
+def test_images_need_a_pose_in_any_frame(folder):
+    entry = {"height": "0.npy", "mm_per_level": 1, "mm_per_pixel": 1, "contact_above": 0, "indentation": "positive"}
+    assert "pose is missing: where the sensor was" in reason(folder, entry, frame="object")
+
+
+def test_where_nothing_is_of_use_all_reasons_are_given(folder):
+    with pytest.raises(UserError, match="not one touch could be used") as caught:
+        read(record(folder, {"cloud": "8.npy"}, {"cloud": "9.npy", "pose": STILL}))
+    assert "\n  8.npy: touches.json: touches.0: " in str(caught.value)
+    assert "\n  9.npy: touches.json: touches.1: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (None, r"touches\.json cannot be read: No such file or directory: a recording has one"),
+        ("{", r"touches\.json is no JSON: .*line 1 column 2"),
+        (b"\xff", r"touches\.json is no JSON"),
+        ("[" * 100_000, r"touches\.json is no JSON"),
+        ("[]", r"touches\.json holds a list"),
+        ({"unit": "furlong"}, r"touches\.json: unit: no unit of that name: m, cm, mm, um, in, .*got 'furlong'"),
+        ({"unit": -1}, r"touches\.json: unit: it must be more than 0, got -1"),
+        ({"unit": True}, r"touches\.json: unit: "),
+        ({"units": "m"}, r"touches\.json: units: no such key here: did you mean 'unit'\?"),
+        ({"format": 2}, r"touches\.json: format: it must be 1, got 2"),
+        ({"frame": "world"}, r"touches\.json: frame: it must be 'sensor' or 'object', got 'world'"),
+        ({"axes": "z"}, r"touches\.json: axes: "),
+        ({"touches": []}, r"touches\.json: touches: "),
+        ({"pose_to": "world"}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
+        ({"object_pose": STILL}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
+        ({"layout": {"name": "smith-2020"}}, "says touches and layout"),
+    ],
+)
+def test_a_manifest_with_mistakes_is_refused_as_a_whole(folder, text, expected):
+    if isinstance(text, dict):
+        record(folder, {"cloud": "0.npy", "pose": STILL}, **text)
+    elif text is not None:
+        (folder / MANIFEST).write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(UserError, match=expected) as caught:
+        read(folder)
+    assert str(folder) in str(caught.value)
+
+
+def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
+    (folder / MANIFEST).write_text(json.dumps({"format": 1, "unit": "x", "frame": 3}))
+    with pytest.raises(UserError) as caught:
+        read(folder)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 5
+    assert all(line.startswith(f"{folder / MANIFEST}: ") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("layout", "expected"),
+    [
+        ({"name": "smith2020"}, "layout.name: no layout 'smith2020': did you mean 'smith-2020'"),
+        ({}, "layout.name: no layout None"),
+        ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: no such key here: did you mean 'per'"),
+        ({"name": "smith-2020"}, "holds no <grasp>.npy"),
+        (7, "layout: it must be a mapping"),
+    ],
+)
+def test_layouts_are_checked(tmp_path, layout, expected):
+    (tmp_path / MANIFEST).write_text(json.dumps({"format": 1, "layout": layout}))
+    with pytest.raises(UserError, match=expected):
+        read(tmp_path)
+
+
+def one_touch(**changes):
+    fields = {"points": CLOUD, "finger": np.zeros(2, np.int64), "poses": np.eye(4)[None], "unit": 1.0, "sensor": "x"}
+    return Touch(**{**fields, "contact_area": None, **changes})
+
+
+def test_a_key_that_is_written_twice_is_a_mistake(tmp_path):
+    write(tmp_path, [one_touch()])
+    manifest = tmp_path / MANIFEST
+    manifest.write_text(manifest.read_text().replace('"unit": "mm"', '"unit": "m", "unit": "mm"', 1))
+    with pytest.raises(UserError, match="'unit' is written twice"):
+        read(tmp_path)
+
+
+def test_a_folder_that_is_a_file_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    for overwrite in (False, True):
+        with pytest.raises(UserError, match="file is a file: a recording is a folder"):
+            write(tmp_path / "file", [one_touch()], overwrite=overwrite)

@@ -1,0 +1,22 @@
+"""A small network with random weights."""
+
+from pathlib import Path
+
+from pcsr.network.network import Network, build
+from pcsr.plugins.loading import load_plugins
+from pcsr.recipe import Recipe, load
+
+SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+# From `neighbours` the upsampler starts with weights of zero, which would hide what comes before it.
+TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=point")
+NO_FUSION = ("model.fusion=none", "model.touch_encoder=null")
+RATE, N = 4, 30
+
+
+def recipe(*overrides: str) -> Recipe:
+    (only,) = load(SMOKE, load_plugins(), [*TINY, *overrides])
+    return only
+
+
+def network(*overrides: str) -> Network:
+    return build(recipe(*overrides), load_plugins()).eval()
