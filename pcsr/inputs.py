@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from pcsr.errors import UserError
 from pcsr.limits import FREELY, LARGEST_FILE, LARGEST_PIPE, LONGEST_LINE, check_memory, gigabytes
-from pcsr.mistakes import shown_path
+from pcsr.validation_messages import shown_path
 
 HEAD = 2 * LONGEST_LINE
 """Bytes that are looked at before the rest is read."""

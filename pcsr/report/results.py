@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
 from pcsr.metrics.touch_effect import efficiency
-from pcsr.mistakes import explained
+from pcsr.validation_messages import explained
 
 Cloud = Float[np.ndarray, "_ 3"]
 BOUND = "floor"
