@@ -1,6 +1,6 @@
-"""The errors a person sees: one line that names the thing, its value, its place and the remedy.
+"""Errors and warnings of pcsr. A message names the thing, its value, its place and the remedy.
 
-The command line prints the message alone and exits with the error's code; `--traceback` shows the rest.
+The command line prints the message without a traceback and exits with the error's code; `--traceback` prints both.
 """
 
 from collections.abc import Iterable
@@ -8,38 +8,43 @@ from difflib import get_close_matches
 
 
 class PcsrError(Exception):
-    """Anything that pcsr itself reports. `exit_code` is what the command line returns."""
+    """Base class of the errors that pcsr raises."""
 
     exit_code = 1
+    """Exit code of the command line."""
 
     placed = False
-    """Whether each line of the message begins with a place in a file, which editors and terminals make a link."""
+    """Whether each line of the message begins with a position in a file, which editors and terminals show as a link."""
 
     def __str__(self) -> str:
-        """The message. Characters that steer a terminal are written as escapes: names in it may hold them."""
+        """Return the message; control characters, which names in it may contain, are written as escapes."""
         letters = super().__str__()
         return "".join(one if one.isprintable() or one == "\n" else ascii(one)[1:-1] for one in letters)
 
 
 class UserError(PcsrError):
-    """A mistake in what a person gave us: a recipe, a file, an option."""
+    """Error in the user's input: a recipe, a file, an option."""
 
     exit_code = 2
 
 
 class RunError(PcsrError):
-    """A run that could not finish through no mistake in its input: a full disk, a loss that is not finite."""
+    """Failure of a run with valid input, such as a full disk or a loss that is not finite."""
 
 
 class PcsrWarning(UserWarning):
-    """A remark of pcsr's own. The command line shows these, and no other library's."""
+    """Warning of pcsr. The command line shows these warnings and no other library's."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A remedy for an unknown name: the closest known one, or all of them.
+    """Suggest a known name for an unknown one: the closest, or all of them if none is close.
+
+    Args:
+        name: the unknown name.
+        known: all known names.
 
     Returns:
-        Text to put after "…: ", for example ``did you mean 'iterative'?``.
+        Text that continues an error message after a colon, such as ``did you mean 'iterative'?``.
     """
     names = sorted(known)
     close = get_close_matches(name, names, n=1)

@@ -1,7 +1,9 @@
-"""The shape vocabulary. Channels come last; b batch, n points, a touches, m points a touch, c channels.
+"""Names of tensor types with their shapes; channels come last.
 
-The names cost nothing at run time. The tests switch on jaxtyping's checks, where every axis that carries the
-same letter within one call must have the same length.
+Axes: b clouds of a batch, n points of a cloud, a touches, m points of a touch, c channels, k neighbours.
+
+The names are type annotations and are not checked at run time. The tests check them with jaxtyping: axes with the same
+letter within one call must have the same length.
 """
 
 from jaxtyping import Bool, Float, Int

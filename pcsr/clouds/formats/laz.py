@@ -11,7 +11,7 @@ from io import BytesIO
 import numpy as np
 
 from pcsr.errors import UserError
-from pcsr.limits import FREELY
+from pcsr.limits import UNCHECKED_SIZE
 
 RECORD = 54
 """Bytes of the head of a record after the header."""
@@ -58,7 +58,7 @@ def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
     held = [points for points, _ in table] if packing.uses_variable_size_chunks() else [packing.chunk_size()] * chunks
     if sum(packed for _, packed in table) > room or sum(held) < count:
         raise UserError(DAMAGED)
-    if max(held, default=0) * size > FREELY + count * size:
+    if max(held, default=0) * size > UNCHECKED_SIZE + count * size:
         raise UserError(f"its points are said to be packed {max(held)} at once, and it has {count}: it is damaged")
     layers, at = _layers(record), at + 8
     for _, packed in table if layers else []:
