@@ -220,4 +220,6 @@ def test_evaluate_says_why_there_is_no_emd(tmp_path):
     write_points(tmp_path / "b.ply", bowl(30))
     told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
     assert told.exit_code == 0
-    assert "left out: emd compares clouds of one size, got 40 and 30 points: thin one of them" in told.output
+    assert (
+        "left out: emd compares clouds of the same size, got 40 and 30 points: subsample the larger one" in told.output
+    )
