@@ -180,7 +180,7 @@ def test_what_cannot_be_exported_is_said_and_the_old_file_stays(tiny, tmp_path):
 
 def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
     tiny.network.upsampler = OfTwo()
-    with pytest.raises(UserError, match=r"takes no batches of any size: fix it \(batch=1, or --batch 1\)"):
+    with pytest.raises(UserError, match=r"needs a fixed batch size: give one \(batch=1, or --batch 1\)"):
         export_onnx(tiny, tmp_path / "two.onnx")
     export_onnx(tiny, tmp_path / "two.onnx", batch=2)
     assert run(tmp_path / "two.onnx", clouds(2, 0)[0][:, :32]).shape == (2, 128, 3)
@@ -192,7 +192,7 @@ def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
         ({"points": 4}, "6 neighbours were asked of 4 points"),
         ({"points": 0}, "points is 0: it must be 1 or more"),
         ({"touches": -1}, "touches is -1: 'tiny' was trained with at most 5"),
-        ({"touches": 6}, "touches is 6: 'tiny' was trained with at most 5, so give 0 to that"),
+        ({"touches": 6}, "touches is 6: 'tiny' was trained with at most 5: give 0 to 5"),
         ({"touch_points": 0}, "touch_points is 0"),
         ({"batch": 0}, "batch is 0: it must be 1 or more"),
     ],

@@ -74,7 +74,7 @@ def read_array(file: BufferedIOBase, room: int) -> np.ndarray:
             raw[at : at + len(part)] = np.frombuffer(part, np.uint8)
             at += len(part)
         if at < size:
-            raise UserError(f"it is cut off: {at} bytes of an array of {size} are there")
+            raise UserError(f"it is cut off: {at} bytes of an array of {size} are there: get the file again")
         flat = raw.view(dtype)
     if dtype.kind == "b":
         flat = flat.view(np.uint8) != 0

@@ -14,13 +14,13 @@ from pcsr.errors import UserError
 class Touch:
     """Contact points of one touch, by a single finger or by several fingers at once (a grasp).
 
-    >>> import numpy as np
-    >>> points = np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 10.0]])
-    >>> left = Touch.single(points, pose=None, unit=1.0, sensor="digit", contact_area=2.5)
-    >>> right = Touch.single(-points, pose=None, unit=1.0, sensor="digit", contact_area=2.0)
-    >>> both = Touch.grasp([left, right])
-    >>> both.finger
-    array([0, 0, 1, 1])
+    Examples:
+        >>> points = np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 10.0]])
+        >>> left = Touch.single(points, pose=None, unit=1.0, sensor="digit", contact_area=2.5)
+        >>> right = Touch.single(-points, pose=None, unit=1.0, sensor="digit", contact_area=2.0)
+        >>> both = Touch.grasp([left, right])
+        >>> both.finger
+        array([0, 0, 1, 1])
     """
 
     points: Float[np.ndarray, "m 3"]

@@ -17,7 +17,7 @@ ROUND_SHARE = 0.97
 ROUND_SIZE = 1024
 """A round considers at most 1024 points. On a lattice all distances may be equal."""
 BOX_SIZE = 16
-"""Number of child boxes of a box, and of points of a smallest box."""
+"""Number of children of each box, and of points of each leaf."""
 
 Bounds = tuple[Float32[np.ndarray, "3 _ _"], Float32[np.ndarray, "3 _ _"]]
 

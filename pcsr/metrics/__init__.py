@@ -1,4 +1,11 @@
-"""Metrics of upsampled clouds. The name of a metric states its convention, since papers use several under one name."""
+"""Metrics of upsampled clouds. The name of a metric states its convention, since papers use several under one name.
+
+Examples:
+    >>> list(METRICS)
+    ['cd', 'hd', 'hd-pugcn', 'emd', 'p2f']
+    >>> METRICS["cd"].description
+    'Chamfer distance: mean squared distance to the nearest point, summed over both directions'
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,12 +29,13 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 class Metric:
     """Metric of a predicted cloud; lower is better.
 
-    >>> import torch
-    >>> square = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]])
-    >>> METRICS["hd"](square + torch.tensor([0.0, 0.0, 0.5]), square)
-    0.5
-    >>> METRICS["p2f"].needs_mesh
-    True
+    Examples:
+        >>> import torch
+        >>> square = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]])
+        >>> METRICS["hd"](square + torch.tensor([0.0, 0.0, 0.5]), square)
+        0.5
+        >>> METRICS["p2f"].needs_mesh
+        True
     """
 
     name: str
@@ -77,8 +85,4 @@ _ALL = (
     Metric("p2f", "point to face: mean distance of the predicted points to the true surface", None),
 )
 METRICS = {metric.name: metric for metric in _ALL}
-"""Metrics by name.
-
->>> list(METRICS)
-['cd', 'hd', 'hd-pugcn', 'emd', 'p2f']
-"""
+"""Metrics by name."""

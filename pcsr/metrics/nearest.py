@@ -73,8 +73,8 @@ def require_finite(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b 
     shapes = (tuple(prediction.shape), tuple(target.shape))
     if any(len(shape) != 3 or shape[2] != 3 for shape in shapes) or shapes[0][0] != shapes[1][0]:
         raise UserError(
-            f"metrics compare two batches of as many clouds, (b n 3) and (b m 3), got {shapes[0]} and {shapes[1]}: "
-            f"turn a single cloud into a batch of one with [None]"
+            f"metrics compare two batches with the same number of clouds, (b n 3) and (b m 3), got {shapes[0]} and "
+            f"{shapes[1]}: turn a single cloud into a batch of one with [None]"
         )
     for name, cloud in (("first", prediction), ("second", target)):
         if cloud.shape[1] == 0:

@@ -71,8 +71,8 @@ def point_to_surface(
                 piece = group[member]
                 # A triangle is no nearer than its plane. This excludes most triangles where all points coincide.
                 height = np.abs(np.einsum("nj,nj->n", block[point] - triangles[piece, 0], normal[piece]))
-                near = height <= best[point] + 1e-9 * reach[point]
-                point, piece = point[near], piece[near]
+                close = height <= best[point] + 1e-9 * reach[point]
+                point, piece = point[close], piece[close]
                 np.minimum.at(best, point, _to_triangle(block[point], triangles[piece]))
         nearest[start : start + BLOCK] = best
     return nearest

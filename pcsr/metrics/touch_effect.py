@@ -74,9 +74,9 @@ def replace_region(
     A point of the cloud belongs to the region if its nearest point of the truth was touched. These points are removed,
     and the touched points of the truth are added, so that the number of points may change.
 
-    The replaced region has no error, not even that of sampling the surface anew. A perfect new sampling of the region
-    therefore has a touch efficiency below 1. The difference to 1 is the error of the new sampling divided by the
-    network's error in the region: small where the network was far off, large where it was already close.
+    The replaced region has no error at all, whereas even a perfect new sampling of the surface has some. The touch
+    efficiency of such a sampling is therefore below 1, by the ratio of its error to the network's error in the region:
+    by little if the network was far off, by much if it was already close.
 
     Args:
         dense: the cloud.

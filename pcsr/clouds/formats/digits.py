@@ -22,17 +22,17 @@ def check_lines(data: bytes, start: int = 0) -> None:
     Raises:
         UserError: a line is longer than `LONGEST_LINE`, or nearly all lines of a long text are empty.
     """
-    gap = b"\n" if b"\n" in data[start : start + LONGEST_LINE] else b"\r"
+    newline = b"\n" if b"\n" in data[start : start + LONGEST_LINE] else b"\r"
     at = start
     while len(data) - at > LONGEST_LINE:
-        end = data.rfind(gap, at, at + LONGEST_LINE)
+        end = data.rfind(newline, at, at + LONGEST_LINE)
         if end < 0:
             raise UserError(
                 f"at byte {at} begins a line of more than {LONGEST_LINE} bytes, the most that is allowed: it is no "
                 f"text with a point on each line"
             )
         at = end + 1
-    lines = data.count(gap, start)
+    lines = data.count(newline, start)
     if lines > MANY_LINES and len(data) - start < 3 * lines:
         raise UserError(f"it has {lines} lines, nearly all of them empty: remove the empty ones")
 
@@ -65,7 +65,7 @@ def _explanation(text: str, reason: str) -> str:
     return reason
 
 
-def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
+def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
     """Convert a column to another type.
 
     Raises:

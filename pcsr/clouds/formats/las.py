@@ -43,7 +43,9 @@ def read(data: bytes) -> Cloud:
         hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
     if len(las.points) != las.header.point_count:
-        raise UserError(f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there")
+        raise UserError(
+            f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there: get the file again"
+        )
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
     columns = {name: native(np.array(las[name])) for name in names}
     return Cloud(np.array(las.xyz, np.float64, order="C"), columns, {"las": {"header": las.header}})
@@ -64,7 +66,7 @@ def _check_counts(data: bytes) -> None:
     )
     there = max(0, len(data) - _integer(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
-        raise UserError(f"it is cut off: {there} of its {count} points are there")
+        raise UserError(f"it is cut off: {there} of its {count} points are there: get the file again")
     if compressed:
         check_inflated(len(data), count * size)
         check_chunks(data, _integer(data, 96, 4), size, count)

@@ -42,7 +42,7 @@ def read(data: bytes) -> Cloud:
         raise UserError(f"it has no field {', '.join(missing)}, only {', '.join(cloud.fields)}")
     table = np.atleast_1d(cloud.pc_data)
     if len(table) != cloud.points:
-        raise UserError(f"it is cut off: {len(table)} of its {cloud.points} points are there")
+        raise UserError(f"it is cut off: {len(table)} of its {cloud.points} points are there: get the file again")
     about: dict[str, Any] = {"encoding": meta.data.value, "viewpoint": tuple(meta.viewpoint), "packed": []}
     columns: dict[str, np.ndarray] = {}
     for name, count in zip(meta.fields, meta.count, strict=True):
@@ -106,11 +106,13 @@ def _check_header(data: bytes) -> None:
     elif encoding == "binary":
         there = len(rest) * points // whole if whole else 0
         if there < points:
-            raise UserError(f"it is cut off: {there} of its {points} points are there")
+            raise UserError(f"it is cut off: {there} of its {points} points are there: get the file again")
     elif encoding == "binary_compressed":
         packed, unpacked = (int.from_bytes(rest[at : at + 4], "little") for at in (0, 4))
         if len(rest) < 8 + packed:
-            raise UserError(f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there")
+            raise UserError(
+                f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there: get the file again"
+            )
         if unpacked != whole:
             raise UserError(
                 f"its compressed data claim {unpacked} bytes, and its {points} points take {whole}: it is damaged"

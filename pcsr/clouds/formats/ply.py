@@ -8,7 +8,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native
-from pcsr.clouds.formats.digits import check_lines, fitting, load_rows
+from pcsr.clouds.formats.digits import cast_column, check_lines, load_rows
 from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
 
@@ -81,13 +81,13 @@ def read(data: bytes) -> Cloud:
             known = ", ".join(names)
             raise UserError(f"it cannot be read as a .ply file: '{axis}' is none of its vertices' properties: {known}")
     if len(set(names)) < len(names):
-        raise UserError(f"two properties of its vertices have one name: {', '.join(names)}")
+        raise UserError(f"two properties of its vertices have the same name: {', '.join(names)}: rename one of them")
     table = _text(data[at:], element) if encoding == "ascii" else _binary(data, at, element, ORDERS[encoding])
     kind = {each.name: each.type for each in element.properties}
     columns = {}
     for name in names:
         if name not in ("x", "y", "z"):
-            columns[name] = native(fitting(table[name], np.dtype(TYPES[kind[name]]), name))
+            columns[name] = native(cast_column(table[name], np.dtype(TYPES[kind[name]]), name))
     points = np.stack([np.asarray(table[axis], np.float64) for axis in "xyz"], axis=-1)
     about = {"encoding": encoding, "comments": comments, "coordinates": kind["x"]}
     return Cloud(points, columns, {"ply": about})
@@ -148,7 +148,7 @@ def _after(data: bytes, at: int, element: Element, encoding: str) -> int:
             while line and element.properties and not line.strip():  # rows without properties are empty lines
                 line = file.readline()
             if not line:
-                raise UserError(f"it is cut off among its {element.count} of '{element.name}'")
+                raise UserError(f"it is cut off among its {element.count} of '{element.name}': get the file again")
         return file.tell()
     order = ORDERS[encoding]
     row, uniform = _row(data, at, element, order), True
@@ -201,7 +201,7 @@ def _binary(data: bytes, at: int, element: Element, order: str) -> dict[str, np.
     rows = _rows(data, at, element, _row(data, at, element, order))
     for number, each in enumerate(element.properties):
         if each.length and len(rows) and (rows[f"length {number}"] != rows[f"length {number}"][0]).any():
-            raise UserError(f"its vertices have lists '{each.name}' of different lengths: they make no column")
+            raise UserError(f"its vertices have lists '{each.name}' of different lengths: a column needs equal ones")
     _all_there(len(rows), element)
     return {each.name: rows[f"{number}"] for number, each in enumerate(element.properties)}
 
@@ -218,7 +218,9 @@ def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
         if each.length:
             lengths = rows[:, at : at + 1]
             if (lengths != lengths[:1]).any():
-                raise UserError(f"its vertices have lists '{each.name}' of different lengths: they make no column")
+                raise UserError(
+                    f"its vertices have lists '{each.name}' of different lengths: a column needs equal ones"
+                )
             length = float(lengths[0, 0]) if at < width else 0.0
             if not (length >= 0 and length.is_integer()):
                 raise UserError(f"its vertices have lists '{each.name}' of {length:g} numbers, which is no length")
@@ -234,4 +236,4 @@ def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
 
 def _all_there(rows: int, element: Element) -> None:
     if rows != element.count:
-        raise UserError(f"it is cut off: {rows} of its {element.count} points are there")
+        raise UserError(f"it is cut off: {rows} of its {element.count} points are there: get the file again")

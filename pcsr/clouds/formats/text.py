@@ -26,7 +26,7 @@ INTEGER = re.compile(r"[+-]?\d{1,19}")
 def read_xyz(data: bytes) -> Cloud:
     """Read numbers separated by white space or commas.
 
-    Where no names of columns contain x, y and z, the first three columns are the coordinates.
+    If the file does not name columns x, y and z, the first three columns are the coordinates.
     """
     return _read(data, comma=False, all_columns=True)
 
@@ -157,12 +157,16 @@ def _numbers(text: str, bare: str, comma: bool, named: bool, width: int | None, 
             integers = integers - {int(found[1]) - 1} if found and int(found[1]) - 1 in integers else set()
 
 
-def _read_by_numpy(text: str, kinds: list[tuple[str, str]], gap: str | None, only: list[int] | None) -> np.ndarray:
+def _read_by_numpy(
+    text: str, kinds: list[tuple[str, str]], separator: str | None, only: list[int] | None
+) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
         warnings.simplefilter("error", DeprecationWarning)  # of numbers such as 1.5 that are truncated to integers
         rows = StringIO(text, newline=None)
-        return np.loadtxt(rows, np.dtype(kinds), comments=None, delimiter=gap, usecols=only, ndmin=1, quotechar='"')
+        return np.loadtxt(
+            rows, np.dtype(kinds), comments=None, delimiter=separator, usecols=only, ndmin=1, quotechar='"'
+        )
 
 
 def _integers(text: str, comma: bool) -> set[int]:
@@ -232,9 +236,9 @@ def write_csv(cloud: Cloud) -> bytes:
     return _write(cloud, columns, ",", cloud.about.get("text", {}).get("header", True))
 
 
-def _write(cloud: Cloud, columns: dict[str, np.ndarray], gap: str, header: bool) -> bytes:
+def _write(cloud: Cloud, columns: dict[str, np.ndarray], separator: str, header: bool) -> bytes:
     names = [*"xyz", *columns]
     header = header or any(name != f"c{i}" for i, name in enumerate(names[3:], 3))
-    head = gap.join(names) + "\n" if header else ""
+    head = separator.join(names) + "\n" if header else ""
     table = [*cloud.points.T, *columns.values()]
-    return (head + "".join(gap.join(row) + "\n" for row in zip(*map(words, table), strict=True))).encode()
+    return (head + "".join(separator.join(row) + "\n" for row in zip(*map(words, table), strict=True))).encode()
