@@ -208,7 +208,7 @@ def test_a_fusion_that_joins_touches_goes_without_them_only(tiny, tmp_path):
     plain["model"] |= {"fusion": {"use": "none"}, "touch_encoder": None}
     recipe = from_resolved(plain, load_plugins())
     joining = Model("joining", build(recipe, load_plugins()).eval(), recipe, {}, None, ())
-    with pytest.raises(UserError, match="the fusion of 'joining' joins the touches"):
+    with pytest.raises(UserError, match="the fusion of 'joining' adds the touched points to the cloud"):
         export_onnx(joining, tmp_path / "model.onnx", touches=1)
 
 
@@ -226,7 +226,7 @@ def test_a_network_whose_points_are_thinned_is_refused(tiny, tmp_path, part, tou
 
 
 def test_interpolation_and_folders_are_refused(tiny, tmp_path):
-    with pytest.raises(UserError, match="model 'midpoint' is no network"):
+    with pytest.raises(UserError, match="model 'midpoint' has no network"):
         export_onnx(load("midpoint"), tmp_path / "model.onnx")
     with pytest.raises(UserError, match="is a folder: name the file"):
         export_onnx(tiny, tmp_path)
@@ -262,7 +262,7 @@ def test_the_command_hands_everything_on(monkeypatch, tmp_path):
 def test_the_command_says_what_is_wrong_in_one_line(tmp_path):
     result = CliRunner().invoke(pcsr.cli.pcsr, ["export", "midpoint", "-o", str(tmp_path / "m.onnx")])
     assert (result.exit_code, result.output.count("\n")) == (2, 1)
-    assert "model 'midpoint' is no network" in result.output
+    assert "model 'midpoint' has no network" in result.output
 
 
 @pytest.mark.parametrize("half", [False, True])
@@ -301,7 +301,7 @@ def test_a_weights_file_may_be_halved_in_its_place(tiny, tmp_path):
 
 
 def test_what_is_no_network_and_where_no_file_can_be_is_said_of_weights_too(tiny, tmp_path):
-    with pytest.raises(UserError, match="'midpoint' is no network"):
+    with pytest.raises(UserError, match="'midpoint' has no network"):
         export_weights(load("midpoint"), tmp_path / "m.safetensors")
     with pytest.raises(UserError, match=f"{tmp_path} is a folder: name the file to write, such as .*/weights.safetens"):
         export_weights(tiny, tmp_path)
