@@ -10,11 +10,18 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 Points = Float[Tensor, "b n 3"]
+"""Coordinates of a batch of clouds."""
 Features = Float[Tensor, "b n c"]
+"""Features of each point."""
 Dense = Float[Tensor, "b rn 3"]
+"""Coordinates of a batch of upsampled clouds, r points for each input point."""
 
 TouchPoints = Float[Tensor, "b a m 3"]
+"""Coordinates of the touched points."""
 TouchFeatures = Float[Tensor, "b a m c"]
+"""Features of each touched point."""
 TouchMask = Bool[Tensor, "b a"]
+"""Mask of touches: False for padding, since clouds of a batch may have different numbers of touches."""
 
 Neighbours = Int[Tensor, "b n k"]
+"""Indices of the k neighbours of each point."""

@@ -62,6 +62,7 @@ def explained(errors: Sequence[Mapping[str, Any]]) -> str:
 
 
 MUST = "it must be "
+"""Beginning of a message that states a requirement."""
 
 
 def _clause(error: Mapping[str, Any]) -> str:

@@ -5,10 +5,13 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 COLOURS = ("red", "green", "blue", "alpha")
+"""Names of columns that hold one channel of the colours."""
 SHORT_COLOURS = ("r", "g", "b")
+"""Other names of such columns."""
 COLOUR_BLOCKS = ("color", "colors", "colour", "colours", "rgb", "rgba")
 """Names of columns (n, 3) or (n, 4) that hold whole colours."""
 NORMALS = ("nx", "ny", "nz")
+"""Names of columns that hold one component of the normals."""
 NORMAL_BLOCKS = ("normal", "normals")
 """Names of columns (n, 3) that hold whole normals."""
 

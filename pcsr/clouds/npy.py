@@ -11,8 +11,10 @@ from pcsr.errors import UserError
 from pcsr.limits import check_memory, gigabytes
 
 CHUNK = 1 << 20
+"""Bytes that are read at once."""
 
 Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
+"""Shape, whether the array is in Fortran order, and type."""
 
 
 def read_header(file: BufferedIOBase) -> Header:

@@ -13,6 +13,7 @@ from pcsr.extras import imported
 from pcsr.files import write_whole
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+"""Suffixes of the mesh formats that can be written."""
 NEIGHBOURS = 16
 """Points from which a normal is estimated."""
 DEPTH = 9

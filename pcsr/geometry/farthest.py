@@ -20,6 +20,7 @@ BOX_SIZE = 16
 """Number of children of each box, and of points of each leaf."""
 
 Bounds = tuple[Float32[np.ndarray, "3 _ _"], Float32[np.ndarray, "3 _ _"]]
+"""Lower and upper corners of the children of each box."""
 
 
 def farthest_points(

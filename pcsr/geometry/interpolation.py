@@ -14,6 +14,7 @@ from pcsr.errors import UserError
 from pcsr.geometry.farthest import farthest_points
 
 Thin = Callable[[Float[np.ndarray, "n 3"], int], Int[np.ndarray, " count"]]
+"""Function that chooses a number of points from a cloud and returns their indices."""
 
 
 def midpoint(

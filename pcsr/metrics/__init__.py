@@ -23,6 +23,7 @@ from pcsr.metrics.p2f import point_to_surface
 __all__ = ["METRICS", "Metric", "chamfer", "emd", "hausdorff", "hausdorff_pugcn", "point_to_surface"]
 
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
+"""Vertices and faces of a triangle mesh."""
 
 
 @dataclass(frozen=True)

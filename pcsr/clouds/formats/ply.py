@@ -22,6 +22,7 @@ TYPES = {
     "float": "f4",
     "double": "f8",
 }
+"""NumPy's type of each PLY type."""
 ALIASES = {
     "int8": "char",
     "uint8": "uchar",
@@ -32,7 +33,9 @@ ALIASES = {
     "float32": "float",
     "float64": "double",
 }
+"""PLY types with other names."""
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""NumPy's byte order of each encoding."""
 DIGITS = 20
 """Counts in a header must have fewer digits than this."""
 HEADER = 1 << 20

@@ -10,6 +10,7 @@ from pcsr.clouds.formats.ply import ORDERS, TYPES
 from pcsr.errors import UserError
 
 NAMES = {code: name for name, code in TYPES.items()}
+"""PLY type of each of NumPy's types."""
 
 
 def write(cloud: Cloud) -> bytes:
