@@ -61,7 +61,8 @@ def read_bytes(
         size = about.st_size
         if size > most:
             raise UserError(
-                f"{path} has {gigabytes(size)}, more than the {gigabytes(most)} that such a file may have: name a smaller one"
+                f"{path} has {gigabytes(size)}, more than the {gigabytes(most)} that such a file may have: "
+                f"name a smaller one"
             )
         check_memory(size * memory, f"{path} ({gigabytes(size)})")
         if size == 0:  # an empty file, or one of the system's, such as those in /proc, whose size is not known
