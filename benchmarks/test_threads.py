@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from pcsr.threads import PASSIVE, WAITING
+from pcsr.threads import PASSIVE, WAIT_VARIABLES
 
 ROUNDS, ROUNDS_BESIDE = 5, 3
 BUSY = os.cpu_count() or 1
@@ -40,7 +40,7 @@ class Worker:
     """A process that does one kind of work each time a line is sent to it."""
 
     def __init__(self, work, how, environment):
-        clean = {k: v for k, v in os.environ.items() if k not in (*WAITING, "OMP_NUM_THREADS")}
+        clean = {k: v for k, v in os.environ.items() if k not in (*WAIT_VARIABLES, "OMP_NUM_THREADS")}
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("threaded.py")), work, how],
             env=clean | environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,

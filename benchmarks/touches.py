@@ -13,7 +13,7 @@ from rich.table import Table
 from saved import save
 
 from pcsr import ShapeItem, Touch, UserError
-from pcsr.clouds.touch import coverage
+from pcsr.clouds.touch import covered_area_share
 from pcsr.geometry.sampling import surface_points
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
@@ -36,7 +36,7 @@ def felt(digit: Digit, items: list[ShapeItem], count: int) -> Iterator[tuple[Sha
 def covered(digit: Digit, items: list[ShapeItem]) -> tuple[list[str], str, str]:
     """Median share of the surface that 1 to 5 touches cover; their contacts; how many objects were refused."""
     kept = [(item, touches) for item, touches in felt(digit, items, 5) if touches]
-    shares = [[coverage(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]
+    shares = [[covered_area_share(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]
     median = [f"{100 * share:.2f} %" for share in np.median(shares, axis=0)]
     return median, contacts([touches for _, touches in kept]), str(len(items) - len(kept))
 

@@ -1,6 +1,6 @@
-"""The errors a person sees: one line that names the thing, its value, its place and the remedy.
+"""Errors and warnings of pcsr. A message names the thing, its value, its place and the remedy.
 
-The command line prints the message alone and exits with the error's code; `--traceback` shows the rest.
+The command line prints the message without a traceback and exits with the error's code; `--traceback` prints both.
 """
 
 from collections.abc import Iterable
@@ -19,12 +19,13 @@ class PcsrError(Exception):
     """
 
     exit_code = 1
+    """Exit code of the command line."""
 
     placed = False
-    """Whether each line of the message begins with a place in a file, which editors and terminals make a link."""
+    """Whether each line of the message begins with a position in a file, which editors and terminals show as a link."""
 
     def __str__(self) -> str:
-        """The message. Characters that steer a terminal are written as escapes: names in it may hold them."""
+        """Return the message; control characters, which names in it may contain, are written as escapes."""
         letters = super().__str__()
         return "".join(one if one.isprintable() or one == "\n" else ascii(one)[1:-1] for one in letters)
 
@@ -62,10 +63,14 @@ class PcsrWarning(UserWarning):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A remedy for an unknown name: the closest known one, or all of them.
+    """Suggest a known name for an unknown one: the closest, or all of them if none is close.
+
+    Args:
+        name: the unknown name.
+        known: all known names.
 
     Returns:
-        Text to put after "…: ", for example ``did you mean 'iterative'?``.
+        Text that continues an error message after a colon, such as ``did you mean 'iterative'?``.
     """
     names = sorted(known)
     close = get_close_matches(name, names, n=1)

@@ -1,4 +1,4 @@
-"""A network as a file for others: weights, or an ONNX graph, which runs without pcsr and without torch."""
+"""Export of a model's network as a file of weights, or as an ONNX graph that runs without pcsr and torch."""
 
 import copy
 import json
@@ -26,19 +26,20 @@ if TYPE_CHECKING:
     from pcsr.model import Model
 
 USER = "exporting a graph"
-"""What needs the extra `[onnx]`, in a message to who hasn't got it."""
+"""Feature that needs the extra `[onnx]`, for the message if it is not installed."""
 FRAME = "centred on the mean of the points, the farthest of them at distance 1; the same for the touches"
-TALKERS = ("torch.onnx", "onnxscript", "onnx_ir")
-"""Loggers of the exporter, which tell its authors things."""
+"""Description of the frame of inputs and output, which is written into the graph's metadata."""
+LOGGERS = ("torch.onnx", "onnxscript", "onnx_ir")
+"""Loggers of the exporter, which are silenced: their messages are meant for its developers."""
 
 
 def export_weights(model: "Model", path: str | Path, *, half: bool = False) -> None:
-    """Write the weights of a model with their card, to be shipped or put on a hub.
+    """Write the weights of a model with their card, for distribution.
 
     Args:
-        model: what `pcsr.load` gives.
-        path: the file; it is written whole or not at all.
-        half: in half precision, in half the space. `pcsr.load` makes single precision of it again.
+        model: model of `pcsr.load`.
+        path: the file; it is written completely or not at all.
+        half: whether to write half precision, which takes half the space. `pcsr.load` converts it to single precision.
 
     Raises:
         UserError: there is no network, the path is a folder, or a weight is too large for half precision.
@@ -63,22 +64,22 @@ def export_onnx(
     touch_points: int | None = None,
     batch: int | None = None,
 ) -> dict[str, tuple[int | str, ...]]:
-    """Write the network of a model as an ONNX graph, with its weights in it.
+    """Write the network of a model as an ONNX graph with its weights.
 
-    Inputs `points` (b n 3) and, if there are touches, `touches` (b a m 3), both float32, in the unit sphere of the
-    points (`pcsr.geometry.frames.UnitSphere`); output `dense` (b rate·n 3) in the same frame. All sizes but the
-    batch's are fixed. The file's metadata holds the recipe and the card of the weights.
+    The inputs are `points` (b n 3) and, with touches, `touches` (b a m 3), both float32 and in the unit sphere of the
+    points (`pcsr.geometry.frames.UnitSphere`). The output is `dense` (b rate·n 3) in the same frame. All sizes but b
+    are fixed. The metadata of the file contains the recipe and the card of the weights.
 
     Args:
-        model: what `pcsr.load` gives; it stays as it is.
-        path: the file; it is written whole or not at all.
-        points: n, points of a cloud; as in training by default.
-        touches: a, touches of each cloud.
-        touch_points: m, points of each touch; as in training by default.
-        batch: clouds in a batch; any number of them by default.
+        model: model of `pcsr.load`; it is not changed.
+        path: the file; it is written completely or not at all.
+        points: n, number of points of a cloud; as in training by default.
+        touches: a, number of touches of each cloud.
+        touch_points: m, number of points of each touch; as in training by default.
+        batch: b, number of clouds in a batch; any by default.
 
     Returns:
-        The shape of each input, and last of the output; "b" stands for any size.
+        Shapes of the inputs and, as last item, of the output, by name; "b" stands for any size.
 
     Raises:
         UserError: the extra `[onnx]` is not installed, there is no network, an impossible number, or a network that
@@ -113,9 +114,15 @@ def export_onnx(
 
 
 def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Recipe]:
-    """The network of a model and its recipe, if they can be written to that path."""
+    """Return the network of a model and its recipe.
+
+    Raises:
+        UserError: the model has no network, or the path is a folder.
+    """
     if model.network is None or model.recipe is None:
-        raise UserError(f"model '{model.name}' is no network, so there is nothing to export: name weights")
+        raise UserError(
+            f"model '{model.name}' has no network, so there is nothing to export: load a model with weights"
+        )
     if path.is_dir():
         raise UserError(f"{path} is a folder: name the file to write, such as {path / example}")
     return model.network, model.recipe
@@ -124,17 +131,23 @@ def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Reci
 def _check(
     name: str, fusion: Fusion, most_touches: int, points: int, touches: int, touch_points: int, batch: int | None
 ) -> None:
-    """Refuse numbers that no graph can have, or that this network cannot."""
+    """Check the sizes of a graph.
+
+    Raises:
+        UserError: a size is out of range, or the network does not support touches in a graph.
+    """
     numbers = {"points": points, "touch_points": touch_points, "batch": 1 if batch is None else batch}
     for what, number in numbers.items():
         if number < 1:
             raise UserError(f"{what} is {number}: it must be 1 or more")
     if not 0 <= touches <= most_touches:
-        raise UserError(f"touches is {touches}: '{name}' was trained with at most {most_touches}, so give 0 to that")
+        raise UserError(
+            f"touches is {touches}: '{name}' was trained with at most {most_touches}: give 0 to {most_touches}"
+        )
     if touches and type(fusion).join is not Fusion.join:
         raise UserError(
-            f"the fusion of '{name}' joins the touches to the cloud, which is then thinned in a way that ONNX does not "
-            f"know: export it without touches"
+            f"the fusion of '{name}' adds the touched points to the cloud, whose subsampling ONNX does not support: "
+            f"export it without touches"
         )
 
 
@@ -143,7 +156,7 @@ def _write(part: Path, content: bytes) -> None:
 
 
 class _Fixed(nn.Module):
-    """A copy of a network on the CPU at its own rate, which is no tensor and so no input of a graph."""
+    """Copy of a network on the CPU with a fixed rate, since an input of a graph must be a tensor."""
 
     def __init__(self, network: Network, recipe: Recipe) -> None:
         super().__init__()
@@ -156,10 +169,10 @@ class _Fixed(nn.Module):
 
 
 def _graph(name: str, network: nn.Module, example: tuple[Tensor, ...], *, fixed: bool) -> Any:
-    """The graph as an `onnx.ModelProto`.
+    """Export a network as an `onnx.ModelProto`.
 
     Raises:
-        UserError: the extra is missing, or the exporter cannot do it.
+        UserError: the extra `[onnx]` is not installed, or the exporter fails.
     """
     translations = _translations()
     size = torch.export.Dim("batch", min=1)
@@ -175,23 +188,23 @@ def _graph(name: str, network: nn.Module, example: tuple[Tensor, ...], *, fixed:
                 dynamic_shapes=None if fixed else tuple({0: size} for _ in example),
                 custom_translation_table=translations,
             )
-    except Exception as error:  # whatever a part and the exporter may say
-        first = _first(error)
+    except Exception as error:  # parts and the exporter may raise anything
+        first = _first_cause(error)
         if isinstance(first, UserError):
             raise first from error
-        said = next(iter(str(first).strip().splitlines()), "") or type(first).__name__
-        raise UserError(f"the network of '{name}' cannot be written as ONNX: {said}") from error
+        reason = next(iter(str(first).strip().splitlines()), "") or type(first).__name__
+        raise UserError(f"the network of '{name}' cannot be written as ONNX: {reason}") from error
     if program is None:
         raise UserError(f"the network of '{name}' cannot be written as ONNX by torch {torch.__version__}: update it")
     graph = program.model_proto
-    # Where a part wants one size of batch, the exporter takes the example's, and says nothing.
-    if not fixed and not all(given.type.tensor_type.shape.dim[0].dim_param for given in graph.graph.input):
-        raise UserError(f"the network of '{name}' takes no batches of any size: fix it (batch=1, or --batch 1)")
+    # If a part needs a fixed batch size, the exporter silently fixes that of the example.
+    if not fixed and not all(each.type.tensor_type.shape.dim[0].dim_param for each in graph.graph.input):
+        raise UserError(f"the network of '{name}' needs a fixed batch size: give one (batch=1, or --batch 1)")
     return graph
 
 
-def _first(error: BaseException) -> BaseException:
-    """The error that all others came of."""
+def _first_cause(error: BaseException) -> BaseException:
+    """Return the error at the beginning of a chain of errors."""
     while error.__cause__ is not None:
         error = error.__cause__
     return error
@@ -199,7 +212,7 @@ def _first(error: BaseException) -> BaseException:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    loggers = [logging.getLogger(name) for name in TALKERS]
+    loggers = [logging.getLogger(name) for name in LOGGERS]
     levels = [logger.level for logger in loggers]
     try:
         for logger in loggers:
@@ -213,7 +226,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _translations() -> dict[Callable[..., Any], Callable[..., Any]]:
-    """What torch's exporter lacks, in ONNX's operators.
+    """Return implementations in ONNX operators for operators that torch's exporter lacks.
 
     Raises:
         UserError: the extra `[onnx]` is not installed.
@@ -221,27 +234,27 @@ def _translations() -> dict[Callable[..., Any], Callable[..., Any]]:
     op = imported("onnxscript", USER).opset18
 
     def sort(values: Any, stable: bool = False, dim: int = -1, descending: bool = False) -> Any:  # noqa: ARG001
-        # TopK puts the lower index first among equals, which makes it a stable sort.
+        # TopK puts the lower index first among equal values, so that it sorts stably.
         count = op.Gather(op.Shape(values), op.Constant(value_ints=[dim]))
         return op.TopK(values, count, axis=dim, largest=int(descending), sorted=1)
 
     def cdist(one: Any, other: Any, p: float = 2.0, mode: int | None = None) -> Any:  # noqa: ARG001
         if p != 2:
             raise UserError(f"distances of order {p:g} are not translated to ONNX: use order 2")
-        ways = op.Sub(
+        offsets = op.Sub(
             op.Unsqueeze(one, op.Constant(value_ints=[-2])), op.Unsqueeze(other, op.Constant(value_ints=[-3]))
         )
-        return op.ReduceL2(ways, op.Constant(value_ints=[-1]), keepdims=0)
+        return op.ReduceL2(offsets, op.Constant(value_ints=[-1]), keepdims=0)
 
     return {torch.ops.aten.sort.stable: sort, torch.ops.aten._cdist_forward.default: cdist}
 
 
 def _clean(graph: Any, about: dict[str, str]) -> Any:
-    """The graph with metadata of ours, without the exporter's, which names the files of this machine."""
+    """Replace the metadata of a graph by that of pcsr; the exporter's contains paths of this machine."""
     inner = graph.graph
-    for thing in (inner, *inner.node, *inner.value_info, *inner.input, *inner.output, *inner.initializer):
-        del thing.metadata_props[:]
-        thing.doc_string = ""
+    for each in (inner, *inner.node, *inner.value_info, *inner.input, *inner.output, *inner.initializer):
+        del each.metadata_props[:]
+        each.doc_string = ""
     del graph.metadata_props[:]
     for key, value in about.items():
         graph.metadata_props.add(key=key, value=value)

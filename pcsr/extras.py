@@ -1,4 +1,4 @@
-"""Packages that come with an extra of pcsr, imported where they are used: `pip install pcsr` brings none of them."""
+"""Optional packages, which the extras of pcsr install; they are imported where they are used."""
 
 import importlib
 import platform
@@ -10,12 +10,12 @@ from pcsr.errors import UserError
 
 
 class Package(NamedTuple):
-    """An optional package: the name that pip knows it by, and the extra that installs it."""
+    """Name of an optional package for pip, and the extra that installs it."""
 
     title: str
     extra: str
     machines_without: frozenset[str] = frozenset()
-    """Processors for which there is no wheel on Linux, as `platform.machine` calls them."""
+    """Processors without a wheel for Linux, by the names of `platform.machine`."""
 
 
 PACKAGES = {
@@ -34,18 +34,21 @@ PACKAGES = {
     "onnxscript": Package("onnxscript", "onnx"),
     "open3d": Package("open3d", "open3d"),
 }
-"""Every optional package by the name that Python imports it by; pyproject.toml says the same of the extras."""
+"""Optional packages by the name of their module. pyproject.toml lists the same packages for each extra."""
 
 
 def imported(module: str, user: str) -> Any:
-    """The optional package, or a module of it.
+    """Import an optional package or one of its modules.
 
     Args:
-        module: what to import, such as "embreex.rtcore_scene".
-        user: what needs it, as the subject of a sentence in the singular: "touch 'digit'".
+        module: name of the module, such as "embreex.rtcore_scene".
+        user: feature that needs the package, as the singular subject of the error message: "touch 'digit'".
+
+    Returns:
+        The module.
 
     Raises:
-        UserError: it is not installed, or cannot be loaded; the message names the extra.
+        UserError: the package is not installed or cannot be loaded; the message names the extra.
     """
     package = module.partition(".")[0]
     require({package: user})
@@ -58,24 +61,24 @@ def imported(module: str, user: str) -> Any:
 
 
 def require(needs: Mapping[str, str]) -> None:
-    """Check that optional packages are installed, without importing them: before the work that needs them.
+    """Check that optional packages are installed, without importing them.
 
     Args:
-        needs: the package that is imported, and what needs it, as the subject of a sentence in the singular.
+        needs: for each package, by the name of its module, the feature that needs it, as in `imported`.
 
     Raises:
-        UserError: some are not installed; one message names them all, and the extras.
+        UserError: some are not installed; the message names all of them and the extras that install them.
     """
     missing = {package: user for package, user in needs.items() if not installed(package)}
     if missing:
         users = {user: [_title(package) for package, of in missing.items() if of == user] for user in missing.values()}
-        said = ", ".join(f"{user} needs {' and '.join(titles)}" for user, titles in users.items())
+        reasons = ", ".join(f"{user} needs {' and '.join(titles)}" for user, titles in users.items())
         which = "which is not" if len(missing) == 1 else "none of which is"
-        raise UserError(f"{said}, {which} installed: {remedy(missing)}")
+        raise UserError(f"{reasons}, {which} installed: {remedy(missing)}")
 
 
 def installed(package: str) -> bool:
-    """Whether a package can be found."""
+    """Return whether a package is installed."""
     try:
         return find_spec(package) is not None
     except (ImportError, ValueError):
@@ -83,15 +86,15 @@ def installed(package: str) -> bool:
 
 
 def remedy(packages: Iterable[str]) -> str:
-    """The command that installs packages, and what to do about those that this machine has no wheel of."""
-    here = platform.machine() if platform.system() == "Linux" else ""
+    """Return the command that installs packages, and a note on those that have no wheel for this machine."""
+    processor = platform.machine() if platform.system() == "Linux" else ""
     packages = list(packages)
-    nowhere = [package for package in packages if package in PACKAGES and here in PACKAGES[package].machines_without]
-    extras = sorted({PACKAGES[package].extra for package in packages if package in PACKAGES and package not in nowhere})
-    others = [package for package in packages if package not in PACKAGES]
+    no_wheel = [name for name in packages if name in PACKAGES and processor in PACKAGES[name].machines_without]
+    extras = sorted({PACKAGES[name].extra for name in packages if name in PACKAGES and name not in no_wheel})
+    others = [name for name in packages if name not in PACKAGES]
     wanted = [*([f"'pcsr[{','.join(extras)}]'"] if extras else []), *others]
     steps = [f"pip install {' '.join(wanted)}"] if wanted else []
-    steps += [f"{package} has no wheel for Linux on {here}, so do this on another machine" for package in nowhere]
+    steps += [f"{name} has no wheel for Linux on {processor}, so do this on another machine" for name in no_wheel]
     return "; ".join(steps)
 
 

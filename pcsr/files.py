@@ -1,4 +1,4 @@
-"""Writing files whole or not at all: into a neighbour first, then renamed over the target in one step."""
+"""Atomic writing of files: into a temporary file in the same folder, which is then renamed over the target."""
 
 import hashlib
 import os
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 _umask = os.umask(0)  # it can be read only by setting it
 os.umask(_umask)
 MODE = 0o666 & ~_umask
-"""What others may do with a file, as the system has it for new ones."""
+"""Permissions of a new file: the system's default for this process."""
 
 
 def check_target(path: Path) -> None:
-    """Refuse a path at which a whole file cannot be put: a folder, a device, a pipe or a socket.
+    """Check that a regular file can be written to a path.
 
     Raises:
-        UserError: it is one.
+        UserError: the path is that of a folder, a device, a pipe or a socket.
     """
     if os.path.exists(path) and not os.path.isfile(path):
         what = "a folder" if os.path.isdir(path) else "a device, a pipe or a socket"
@@ -31,11 +31,17 @@ def check_target(path: Path) -> None:
 
 
 def write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Let `write` fill a temporary file beside `path`, which then takes its place; a link stays, with a new target.
+    """Write a file atomically: on an error the old file stays as it was.
+
+    A symbolic link is kept; the file that it points to is replaced.
+
+    Args:
+        path: the file; missing folders are created.
+        write: fills the temporary file whose path it receives.
 
     Raises:
         UserError: the path is that of a folder, a device, a pipe or a socket.
-        RunError: the disk is full, the folder can't be written, or anything else that the system reports.
+        RunError: the system reports an error, such as a full disk or a folder without write permission.
     """
     check_target(path)
     path = Path(os.path.realpath(path)) if path.is_symlink() else path
@@ -43,23 +49,23 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(part)
-        os.chmod(part, MODE)  # some libraries make files that only their owner may read
+        os.chmod(part, MODE)  # some libraries create files that only their owner can read
         os.replace(part, path)
     except OSError as error:
-        raise RunError(f"{path} could not be written: {error.strerror or error}; what was there is unharmed") from error
+        raise RunError(f"{path} could not be written: {error.strerror or error}; the old file is unharmed") from error
     finally:
-        with suppress(OSError):  # where nothing could be written there is nothing to remove
+        with suppress(OSError):  # the temporary file may be missing where writing failed
             part.unlink(missing_ok=True)
 
 
 def sha256(path: Path) -> str:
-    """Hash of a file."""
+    """Return the SHA-256 hash of a file in hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole, in UTF-8."""
+    """Write a text file atomically, in UTF-8."""
     write_whole(path, lambda part: _write_text(part, text))
 
 
@@ -77,14 +83,14 @@ def _write_bytes(part: Path, data: bytes) -> None:
 
 
 def save_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: dict[str, str]) -> None:
-    """Write a safetensors file whole."""
+    """Write a safetensors file atomically."""
     from safetensors import SafetensorError
     from safetensors.torch import save_file
 
     def write(part: Path) -> None:
         try:
             save_file({name: t.detach().cpu().contiguous() for name, t in tensors.items()}, part, metadata)
-        except SafetensorError as error:  # it wraps what the system said, a full disk included
+        except SafetensorError as error:  # it wraps errors of the system, such as a full disk
             raise OSError(str(error)) from error
 
     write_whole(path, write)

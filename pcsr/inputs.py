@@ -1,4 +1,4 @@
-"""Opening what a person names: a file of a bounded size, or a pipe into which somebody writes."""
+"""Bounded reading of input files and pipes."""
 
 import errno
 import os
@@ -10,24 +10,25 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from pcsr.errors import UserError
-from pcsr.limits import FREELY, LARGEST_FILE, LARGEST_PIPE, LONGEST_LINE, check_memory, gigabytes
-from pcsr.mistakes import shown_path
+from pcsr.limits import LARGEST_FILE, LARGEST_PIPE, LONGEST_LINE, UNCHECKED_SIZE, check_memory, gigabytes
+from pcsr.validation_messages import shown_path
 
 HEAD = 2 * LONGEST_LINE
-"""Bytes that are looked at before the rest is read."""
+"""Size in bytes of the beginning that is checked before the rest is read."""
 CHUNK = 1 << 20
-PATIENCE = 10.0
-"""Seconds that a named pipe may take to give its first byte."""
+"""Bytes that are read from a pipe at once."""
+PIPE_TIMEOUT = 10.0
+"""Seconds to wait for the first byte of a named pipe."""
 KINDS = {stat.S_IFDIR: "a folder", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
-SOCKET = "it is a socket, not a file: name a file, or give its content through a pipe"
+SOCKET = "it is a socket, not a file: name a file, or pass its content through a pipe"
 
 
 @runtime_checkable
 class Readable(Protocol):
-    """What bytes are read from."""
+    """Source of bytes, such as an open file."""
 
     def read(self, size: int, /) -> Any:
-        """Some bytes, at most `size`; none at the end."""
+        """Read at most `size` bytes; return an empty result at the end."""
 
 
 def read_bytes(
@@ -37,15 +38,16 @@ def read_bytes(
     memory: int | float = 1.0,
     check: Callable[[bytes], None] = lambda head: None,
 ) -> bytes:
-    """The content of a file, or what comes through a pipe that has a name: `<(command)`, or one made by `mkfifo`.
+    """Read the whole content of a file or a named pipe.
 
-    Nothing is read of what is neither, and only the beginning of what turns out to be something else.
+    Named pipes are those of `mkfifo` and the shell's `<(command)`. A file that fails `check` is read no further than
+    its beginning.
 
     Args:
-        path: of the file or pipe.
-        most: bytes that it may have.
-        memory: what it takes to make something of the content: so many times its size.
-        check: looks at the first megabyte and refuses it with a `UserError`.
+        path: file or named pipe.
+        most: largest allowed size in bytes.
+        memory: memory that decoding the content takes, in multiples of its size.
+        check: called with the beginning of the content, at most `HEAD` bytes; raises a `UserError` to refuse it.
 
     Raises:
         UserError: there is no such file, it is a device, folder or socket, is too large, or changes while it is read;
@@ -59,10 +61,11 @@ def read_bytes(
         size = about.st_size
         if size > most:
             raise UserError(
-                f"{path} has {gigabytes(size)}, and {gigabytes(most)} are the most that is read of such a file"
+                f"{path} has {gigabytes(size)}, more than the {gigabytes(most)} that such a file may have: "
+                f"name a smaller one"
             )
         check_memory(size * memory, f"{path} ({gigabytes(size)})")
-        if size == 0:  # it is empty, or one of the system's, whose size nobody knows
+        if size == 0:  # an empty file, or one of the system's, such as those in /proc, whose size is not known
             return read_pipe(file, str(path), most=most, memory=memory, check=check)
         try:
             if size > HEAD:
@@ -71,11 +74,11 @@ def read_bytes(
             data = file.read(size + 1)
         except OSError as error:
             raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
-        while len(data) < size and (more := file.read(size + 1 - len(data))):  # the system gives 2 GB at once
+        while len(data) < size and (more := file.read(size + 1 - len(data))):  # Linux returns at most 2 GB at once
             data += more
         if len(data) != size:
             how = "grew" if len(data) > size else f"shrank to {len(data)} bytes"
-            raise UserError(f"{path} had {size} bytes and {how} while it was read: wait until it is written")
+            raise UserError(f"{path} had {size} bytes and {how} while it was read: wait until it is complete")
         check(data[:HEAD])
         return data
 
@@ -88,20 +91,20 @@ def read_pipe(
     memory: int | float = 1.0,
     check: Callable[[bytes], None] = lambda head: None,
 ) -> bytes:
-    """All that comes through a pipe.
+    """Read a pipe to its end.
 
     Args:
-        file: the pipe's end.
-        name: what messages call it.
-        most: bytes that are read at most.
+        file: the end of the pipe to read from.
+        name: name of the pipe in error messages.
+        most: largest allowed size in bytes.
         memory: as in `read_bytes`.
         check: as in `read_bytes`.
 
     Raises:
-        UserError: it does not end within `most` bytes or the memory that is free, or cannot be read.
+        UserError: the content is larger than `most` or the free memory, or cannot be read.
     """
     data = bytearray()
-    checked, asked = False, FREELY
+    checked, next_check = False, UNCHECKED_SIZE
     try:
         while more := file.read(CHUNK):
             data += more
@@ -109,10 +112,12 @@ def read_pipe(
                 check(bytes(data[:HEAD]))
                 checked = True
             if len(data) > most:
-                raise UserError(f"{name} did not end within {gigabytes(most)}, the most that is read: give a file")
-            if len(data) * memory > asked:
+                raise UserError(
+                    f"{name} did not end within {gigabytes(most)}, the most that a pipe may have: name a file"
+                )
+            if len(data) * memory > next_check:
                 check_memory(len(data) * memory, f"{name} ({gigabytes(len(data))} so far)")
-                asked *= 2
+                next_check *= 2
     except OSError as error:
         raise UserError(f"{name} cannot be read: {error.strerror or error}") from error
     if not checked:
@@ -121,30 +126,30 @@ def read_pipe(
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no regular file, or cannot be opened.
+    """Check that a path names a regular file that can be opened.
 
     Raises:
-        UserError: it is none.
+        UserError: it does not.
     """
     with _opened(path) as file:
         if stat.S_ISFIFO(os.fstat(file.fileno()).st_mode):
-            raise UserError(f"{path} cannot be read: it is a pipe: write what comes through it into a file")
+            raise UserError(f"{path} cannot be read: it is a pipe: write its content to a file")
 
 
 def _opened(path: Path) -> FileIO:
-    """The file, opened without waiting for anybody.
+    """Open a file or pipe without blocking.
 
     Raises:
         UserError: it cannot be opened, or is neither a file nor a pipe.
     """
-    # Without O_NONBLOCK a pipe that nobody writes into would be waited for, without an end.
+    # Without O_NONBLOCK, opening a pipe that has no writer would block forever.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOCTTY", 0)
     try:
         number = os.open(path, flags)
     except OSError as error:
         reason = SOCKET if error.errno == errno.ENXIO else error.strerror or error
         raise UserError(f"{shown_path(path)} cannot be read: {reason}") from error
-    except ValueError as error:  # a NUL, which ends names for the system
+    except ValueError as error:  # the name contains a NUL character
         raise UserError(f"{shown_path(path)} cannot be read: no file has such a name") from error
     kind = stat.S_IFMT(os.fstat(number).st_mode)
     if kind not in (stat.S_IFREG, stat.S_IFIFO):
@@ -157,18 +162,18 @@ def _opened(path: Path) -> FileIO:
 
 
 def _wait(file: FileIO, path: Path) -> None:
-    """Wait until something comes through a pipe with a name.
+    """Wait until a named pipe has data.
 
     Raises:
-        UserError: nothing did for `PATIENCE` seconds.
+        UserError: no data arrived within `PIPE_TIMEOUT` seconds.
     """
-    # Who made a pipe without a name, as `<(command)` does, writes into it for sure, at whatever time.
+    # The pipe of a shell's `<(command)` always has a writer, which may take any time.
     if os.path.realpath(path).startswith(("/proc/", "/dev/fd/")) or not hasattr(select, "poll"):
         return
     poll = select.poll()
     poll.register(file, select.POLLIN | select.POLLHUP)
-    if not poll.poll(PATIENCE * 1000):
+    if not poll.poll(PIPE_TIMEOUT * 1000):
         raise UserError(
-            f"{path} cannot be read: it is a pipe, and nobody wrote into it for {PATIENCE:g} s: "
+            f"{path} cannot be read: it is a pipe, and nobody wrote into it for {PIPE_TIMEOUT:g} s: "
             f"start what writes into it first, or name a file"
         )

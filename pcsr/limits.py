@@ -1,4 +1,4 @@
-"""Limits of what is read: sizes that no honest file reaches, and the memory that is free."""
+"""Limits on the size of inputs, and checks against the free memory."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -6,38 +6,39 @@ from pathlib import Path
 from pcsr.errors import UserError
 
 LARGEST_FILE = 1 << 34
-"""Bytes of the largest file that is read: 16 GiB. Files that need more memory than is free are refused before."""
+"""Largest size of a file: 16 GiB. A file that needs more than the free memory is refused whatever its size."""
 LARGEST_PIPE = 1 << 32
-"""Bytes that are read from a pipe at most: 4 GiB. A pipe does not say in advance how much will come."""
+"""Largest size of a pipe's content: 4 GiB. The size is not known before the end is reached."""
 LARGEST_JSON = 1 << 25
-"""Bytes of the largest JSON that is parsed: 32 MiB. 10,000 grasps of four fingers take some 25 MB."""
+"""Largest size of a JSON document: 32 MiB. 10,000 grasps of four fingers take about 25 MB."""
 LONGEST_LINE = 1 << 20
-"""Bytes of the longest line of a text file: 1 MiB, some 50,000 numbers."""
+"""Longest line of a text file: 1 MiB, about 50,000 numbers."""
 MOST_COLUMNS = 4096
-"""Numbers that a text file may have for each point, the coordinates included."""
+"""Largest number of columns of a cloud, the coordinates included."""
 MOST_PIXELS = 1 << 24
-"""Pixels of the largest image of a touch: 16.8 million, twice as many as a GelSight Mini's camera has."""
+"""Most pixels of an image of a touch: 16.8 million, twice as many as the camera of a GelSight Mini has."""
 MOST_TOUCHES = 10_000
-"""Touches of one recording: five times as many as `pcsr touch` makes at most."""
+"""Most touches of a recording: five times as many as `pcsr touch` simulates at most."""
 MOST_FINGERS = 1_000
-"""Fingers of one grasp."""
+"""Most fingers of a grasp."""
 MOST_TOUCHED_POINTS = 10**8
-"""Points of all touches of one recording: 2.4 GB."""
-RATIO = 100
-"""A file that is compressed becomes at most so many times larger than it is: points shrink to a tenth at best."""
-FREELY = 1 << 27
-"""Bytes that are never too many, whatever they were compressed from or however little memory is free: 128 MiB."""
+"""Most points of all touches of a recording together: 2.4 GB."""
+MOST_INFLATION = 100
+"""Largest ratio of decompressed to compressed size. Clouds reach about 10."""
+UNCHECKED_SIZE = 1 << 27
+"""Sizes up to 128 MiB are accepted whatever the compression ratio and the free memory."""
 
 
 def gigabytes(count: int | float) -> str:
-    """A number of bytes in words: "1.5 GB"."""
+    """Format a number of bytes, such as "1.5 GB"."""
     return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e6:.3g} MB"
 
 
 def free_memory() -> int | None:
-    """Bytes that this process may still take; None where the system does not say.
+    """Return the number of bytes that this process can still allocate; None where the system does not report it.
 
-    The least of what the machine has left, what the container or batch job may take, and what `ulimit -v` leaves.
+    This is the smallest of the machine's available memory, the rest of the control group's limit (containers, batch
+    jobs), and the rest of the address space limit (`ulimit -v`).
     """
     found = []
     with suppress(OSError, ValueError, LookupError):
@@ -45,7 +46,7 @@ def free_memory() -> int | None:
         table = {name: int(rest.split()[0]) << 10 for name, _, rest in (line.partition(":") for line in lines)}
         found.append(table["MemAvailable"] + table.get("SwapFree", 0))
     with suppress(OSError, ValueError, LookupError):
-        most = int(Path("/sys/fs/cgroup/memory.max").read_text())  # "max", where there is none, is no number
+        most = int(Path("/sys/fs/cgroup/memory.max").read_text())  # a ValueError for "max", which means no limit
         words = Path("/sys/fs/cgroup/memory.stat").read_text().split()
         found.append(most - int(words[words.index("anon") + 1]))
     with suppress(ImportError, OSError, ValueError):
@@ -58,36 +59,36 @@ def free_memory() -> int | None:
 
 
 def check_memory(needed: int | float, name: str) -> None:
-    """Refuse what does not fit into the memory that is free.
+    """Check that an input fits into the free memory.
 
     Args:
-        needed: bytes that reading it takes, about.
-        name: what is read, with its size: "big.ply (7 GB)".
+        needed: approximate number of bytes that reading the input takes.
+        name: name and size of the input for the error message: "big.ply (7 GB)".
 
     Raises:
-        UserError: there is not so much memory.
+        UserError: less memory is free.
     """
-    free = free_memory() if needed > FREELY else None
+    free = free_memory() if needed > UNCHECKED_SIZE else None
     if free is not None and needed > free:
         raise UserError(
             f"{name} needs about {gigabytes(needed)} of memory, and {gigabytes(free)} are free: "
-            f"split it, or take a machine with more memory"
+            f"split it, or use a machine with more memory"
         )
 
 
 def check_inflated(packed: int, inflated: int) -> None:
-    """Refuse compressed data that claim to become far larger than points can.
+    """Check the declared size of compressed data before it is decompressed.
 
     Args:
-        packed: bytes that the file has.
-        inflated: bytes that they are said to become.
+        packed: size of the file in bytes.
+        inflated: declared size after decompression in bytes.
 
     Raises:
-        UserError: they are too many for the file, or for the memory that is free.
+        UserError: the ratio of the two is larger than `MOST_INFLATION`, or the free memory is too small.
     """
-    if inflated > FREELY and inflated > RATIO * packed:
+    if inflated > UNCHECKED_SIZE and inflated > MOST_INFLATION * packed:
         raise UserError(
-            f"its {gigabytes(packed)} would become {gigabytes(inflated)}, more than {RATIO} times as much, "
+            f"its {gigabytes(packed)} would become {gigabytes(inflated)}, more than {MOST_INFLATION} times as much, "
             f"which no cloud does: get the file again, or save it uncompressed"
         )
-    check_memory(inflated, f"what it holds ({gigabytes(inflated)})")
+    check_memory(inflated, f"its content ({gigabytes(inflated)})")

@@ -16,13 +16,13 @@ from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
 from pcsr.extras import imported
 from pcsr.geometry.magnitude import exponent, scaled
-from pcsr.mistakes import shown
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
+from pcsr.validation_messages import shown
 from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"

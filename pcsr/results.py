@@ -9,7 +9,7 @@ from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, Valid
 from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.metrics.touch_effect import TouchEffect
-from pcsr.mistakes import explained
+from pcsr.validation_messages import explained
 
 BOUND = "floor"
 """Name of the baseline that samples the true surface: never the best of a column, and not used to choose decimals."""

@@ -1,7 +1,9 @@
-"""The shape vocabulary. Channels come last; b batch, n points, a touches, m points a touch, c channels.
+"""Names of tensor types with their shapes; channels come last.
 
-The names cost nothing at run time. The tests switch on jaxtyping's checks, where every axis that carries the
-same letter within one call must have the same length.
+Axes: b clouds of a batch, n points of a cloud, a touches, m points of a touch, c channels, k neighbours.
+
+The names are type annotations and are not checked at run time. The tests check them with jaxtyping: axes with the same
+letter within one call must have the same length.
 """
 
 from jaxtyping import Bool, Float, Int
@@ -10,11 +12,18 @@ from torch import Tensor
 __all__ = ["Dense", "Features", "Neighbours", "Points", "TouchFeatures", "TouchMask", "TouchPoints"]
 
 Points = Float[Tensor, "b n 3"]
+"""Coordinates of a batch of clouds."""
 Features = Float[Tensor, "b n c"]
+"""Features of each point."""
 Dense = Float[Tensor, "b rn 3"]
+"""Coordinates of a batch of upsampled clouds, r points for each input point."""
 
 TouchPoints = Float[Tensor, "b a m 3"]
+"""Coordinates of the touched points."""
 TouchFeatures = Float[Tensor, "b a m c"]
+"""Features of each touched point."""
 TouchMask = Bool[Tensor, "b a"]
+"""Mask of touches: False for padding, since clouds of a batch may have different numbers of touches."""
 
 Neighbours = Int[Tensor, "b n k"]
+"""Indices of the k neighbours of each point."""

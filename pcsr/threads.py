@@ -1,17 +1,17 @@
-"""How many threads torch computes with: as many as an operation's size deserves, within what the caller allows.
+"""Number of torch's threads, chosen by the size of the work.
 
-The threads of one operation meet at its end. On a busy machine one of them may be off the processor then, and the
-others wait for it, in each of some thousand small operations; by default they wait spinning, which keeps the processor
-from the one that is waited for. So the number follows from the work alone, never from the load: results do not depend
-on what else a machine does.
+The threads of an operation wait for each other at its end. On a busy machine one of them may have lost its core by
+then, and the others wait for it in each of several thousand small operations. By default they wait actively, which
+keeps the core from the thread that they wait for. The number of threads is therefore small for small work. It depends
+on the work alone and never on the load, so that results do not depend on what else the machine does.
 
-- A patch of `densify`, a metric, a check of a plugin: one thread. What makes them faster is processes (`jobs`).
-- A batch that is trained on, and a cloud that evaluation gives a network whole: a thread for each `EACH` points ×
-  weights of the network (`deserved`).
-- A worker process: one.
+- A patch of `densify`, a metric, a check of a plugin: one thread. Processes (`jobs`) make these faster.
+- A batch in training, and a whole cloud in evaluation: one thread for each `WORK_PER_THREAD` of points × weights
+  (`thread_count`).
+- A worker process: one thread.
 
-None gets more than the caller lets torch have, by `OMP_NUM_THREADS` or `torch.set_num_threads`; all cores if neither
-was set.
+The number never exceeds the caller's limit, which is `OMP_NUM_THREADS` or `torch.set_num_threads`, or else the number
+of cores.
 """
 
 import os
@@ -20,67 +20,67 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-EACH = 50_000_000
-"""Points × weights, about the multiplications of a network's layers, that deserve a thread. From two of them on two
-threads take less time than one on a quiet machine, and not much more beside busy processes
-(benchmarks/test_threads.py).
+WORK_PER_THREAD = 50_000_000
+"""Points × weights for each thread, roughly the number of multiplications in a network's layers. With twice this work,
+two threads are faster than one on a quiet machine and little slower on a busy one (benchmarks/test_threads.py).
 """
 PASSIVE = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
-"""Environment of threads that sleep while they wait: GNU's OpenMP (torch on Linux) reads the first, LLVM's and Intel's
-(macOS, Windows) the second."""
-WAITING = (*PASSIVE, "GOMP_SPINCOUNT", "KMP_LIBRARY")
-"""What a person may have set about waiting."""
+"""Environment variables that let waiting threads sleep. GNU's OpenMP (torch on Linux) reads the first, LLVM's and
+Intel's (macOS, Windows) the second."""
+WAIT_VARIABLES = (*PASSIVE, "GOMP_SPINCOUNT", "KMP_LIBRARY")
+"""Environment variables that decide how threads wait. If one of them is set, none is changed."""
 
-_SETTING = threading.Lock()
-Found = TypeVar("Found")
+_lock = threading.Lock()
+Result = TypeVar("Result")
 
 
-class _Outside(threading.local):
-    """What the calling thread had before the outermost block that it is in; None outside of all."""
+class _OuterLimit(threading.local):
+    """Number of threads before the outermost block of `threads` in the calling thread; None outside of such blocks."""
 
     count: int | None = None
 
 
-_outside = _Outside()
+_outer = _OuterLimit()
 
 
-def deserved(points: int, weights: int) -> int:
-    """The number of threads for a network's pass over a batch, forward or forward and backward.
+def thread_count(points: int, weights: int) -> int:
+    """Return the number of threads for a network's forward or backward pass over a batch.
 
     Args:
-        points: of all clouds of the batch together.
-        weights: of the network.
+        points: number of points of all clouds of the batch together.
+        weights: number of weights of the network.
     """
-    return max(1, points * weights // EACH)
+    return max(1, points * weights // WORK_PER_THREAD)
 
 
 def allowed() -> int:
-    """The number of threads that the caller lets torch have; in a block of `threads`, outside of the outermost one."""
+    """Return the caller's limit on torch's threads, as it was before the outermost block of `threads`."""
     import torch
 
-    return _outside.count or torch.get_num_threads()
+    return _outer.count or torch.get_num_threads()
 
 
 @contextmanager
 def threads(count: int) -> Iterator[int]:
-    """Limit torch to `count` threads in a block, or as a decorator in a function; what the caller had comes back.
+    """Limit torch to `count` threads within a block, or within a function as its decorator.
 
-    It acts on the calling thread alone, and never raises a number: of nested blocks the strictest counts.
+    The old limit is restored at the end. Only the calling thread is affected. A limit is never raised: of nested
+    blocks the smallest count applies.
 
     Args:
         count: at least 1.
 
     Yields:
-        The number that torch has in the block.
+        The number of threads in the block.
     """
     import torch
 
-    with _SETTING:  # a thread that uses torch for the first time must not begin with what another one is setting
+    with _lock:  # a thread that uses torch for the first time must not inherit a number that another is just setting
         before = torch.get_num_threads()
-    outermost = _outside.count is None
+    outermost = _outer.count is None
     try:
         if outermost:
-            _outside.count = before
+            _outer.count = before
         if count < before:
             _set_own(count)
         yield min(count, before)
@@ -88,11 +88,11 @@ def threads(count: int) -> Iterator[int]:
         if torch.get_num_threads() != before:
             _set_own(before)
         if outermost:
-            _outside.count = None
+            _outer.count = None
 
 
 def single_thread() -> None:
-    """Give the calling thread one torch thread from now on: for threads and processes that work beside others."""
+    """Limit torch to one thread in the calling thread, for good. Meant for parallel workers."""
     import torch
 
     if torch.get_num_threads() > 1:
@@ -100,32 +100,32 @@ def single_thread() -> None:
 
 
 def _set_own(count: int) -> None:
-    """Set the calling thread's number alone.
+    """Set the number of torch's threads for the calling thread only.
 
-    `torch.set_num_threads` sets that and, for the whole process, the number of each thread that uses torch for the
-    first time from then on. Those would keep it when the block is long over, so that one is put back.
+    `torch.set_num_threads` also sets the default of the process, which every thread inherits that uses torch for the
+    first time. Such a thread would keep the number after the block has ended, so the default is restored.
     """
     import torch
 
-    with _SETTING:
-        first = _in_new_thread(torch.get_num_threads)
+    with _lock:
+        default = _in_new_thread(torch.get_num_threads)
         torch.set_num_threads(count)
-        if first != count:
-            _in_new_thread(lambda: torch.set_num_threads(first))
+        if default != count:
+            _in_new_thread(lambda: torch.set_num_threads(default))
 
 
-def _in_new_thread(work: Callable[[], Found]) -> Found:
-    found: list[Found] = []
-    thread = threading.Thread(target=lambda: found.append(work()))
+def _in_new_thread(work: Callable[[], Result]) -> Result:
+    results: list[Result] = []
+    thread = threading.Thread(target=lambda: results.append(work()))
     thread.start()
     thread.join()
-    return found[0]
+    return results[0]
 
 
 def wait_passively() -> None:
-    """Let threads of this process and of those it starts sleep while they wait, unless the environment says otherwise.
+    """Let waiting threads of this process and its children sleep, unless `WAIT_VARIABLES` are set already.
 
-    OpenMP reads it when it is loaded: in a process that has imported torch it changes nothing but what is started.
+    OpenMP reads these variables when it is loaded: once torch is imported, only new processes are affected.
     """
-    if not any(name in os.environ for name in WAITING):
+    if not any(name in os.environ for name in WAIT_VARIABLES):
         os.environ.update(PASSIVE)

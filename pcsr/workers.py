@@ -1,4 +1,4 @@
-"""Work in many processes: of this machine, or of a Dask cluster that is running already."""
+"""Pools of worker processes, on this machine or on a running Dask cluster."""
 
 import multiprocessing
 import os
@@ -18,50 +18,53 @@ from pcsr.errors import RunError, UserError
 from pcsr.extras import imported
 
 AHEAD = 4
-"""Tasks in flight for each process: results wait in memory until those before them are taken."""
+"""Tasks in flight for each process. It bounds the results that wait in memory for an earlier one."""
 MOST_JOBS = 61 if sys.platform == "win32" else 1024
-"""Processes of one pool at most. Windows waits for no more of them at once."""
+"""Most processes of a pool. Windows cannot wait for more than 61 at once."""
 
-Given = TypeVar("Given")
-Made = TypeVar("Made")
+Input = TypeVar("Input")
+Output = TypeVar("Output")
 
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """Processes that apply one function to many inputs."""
+    """Pool of processes that apply one function to many inputs."""
 
     executor: Executor | None
-    """None: this process does it itself."""
+    """Executor of the pool; None runs the function in this process."""
     size: int
+    """Number of processes."""
 
-    def map(self, make: Callable[[Given], Made], given: Iterable[Given]) -> Iterator[Made]:
-        """Results in order, with only a few of them ahead of the one asked for.
+    def map(self, function: Callable[[Input], Output], inputs: Iterable[Input]) -> Iterator[Output]:
+        """Apply a function to each input and yield the results in order.
+
+        At most `AHEAD` × `size` inputs are read ahead of the result that is asked for.
 
         Raises:
             RunError: a process died, or the cluster is lost.
         """
         if self.executor is None:
-            yield from map(make, given)
+            yield from map(function, inputs)
             return
-        waiting: deque[Future[Made]] = deque()
+        waiting: deque[Future[Output]] = deque()
         try:
-            for one in given:
-                with _deaf_children():
-                    waiting.append(self.executor.submit(make, one))
+            for each in inputs:
+                with _children_ignore_interrupts():
+                    waiting.append(self.executor.submit(function, each))
                 if len(waiting) > AHEAD * self.size:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
         except BrokenProcessPool as error:
-            raise RunError(f"a worker process died ({error}): out of memory? try --jobs 1") from error
+            raise RunError(f"a worker process died ({error}), perhaps for lack of memory: try --jobs 1") from error
         finally:
             for future in waiting:
                 future.cancel()
 
 
 @contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Processes that are started in here ignore Ctrl-C from their first moment: who gives the orders ends them."""
+def _children_ignore_interrupts() -> Iterator[None]:
+    """Let processes that are started in the block ignore Ctrl-C; the parent process ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -74,21 +77,21 @@ def _deaf_children() -> Iterator[None]:
 
 @contextmanager
 def worker_pool(jobs: int | None = None, scheduler: str | None = None) -> Iterator[WorkerPool]:
-    """Processes for as long as the context lasts.
+    """Open a pool of processes for the length of a block.
 
     Args:
-        jobs: processes on this machine, at most `MOST_JOBS`; all cores by default.
-        scheduler: address of a Dask scheduler, such as `tcp://10.0.0.1:8786`; its workers are used instead. pcsr
-            and the plugins must be installed there.
+        jobs: number of processes on this machine, at most `MOST_JOBS`; one for each core by default.
+        scheduler: address of a Dask scheduler, such as `tcp://10.0.0.1:8786`, whose workers replace the processes of
+            this machine. pcsr and the plugins must be installed there.
 
     Raises:
-        UserError: an impossible number of processes, the extra `[cluster]` is not installed, or no scheduler answers
-            with workers.
+        UserError: `jobs` is out of range, the extra `[cluster]` is not installed, or the scheduler does not answer or
+            has no workers.
     """
     check_jobs(jobs)
     if scheduler is not None:
-        with _cluster(scheduler) as found:
-            yield found
+        with _cluster(scheduler) as pool:
+            yield pool
         return
     jobs = jobs or min(os.cpu_count() or 1, MOST_JOBS)
     if jobs == 1:
@@ -100,7 +103,7 @@ def worker_pool(jobs: int | None = None, scheduler: str | None = None) -> Iterat
 
 
 def check_jobs(jobs: int | None) -> None:
-    """Refuse a number of processes that no pool has.
+    """Check a number of processes.
 
     Raises:
         UserError: it is less than 1 or more than `MOST_JOBS`.
@@ -110,28 +113,28 @@ def check_jobs(jobs: int | None) -> None:
 
 
 def _start_worker() -> None:
-    """Set up a worker process: one thread, since the other cores have workers of their own."""
+    """Set up a worker process with one torch thread: each other core has its own worker."""
     end_with_parent()
-    import torch  # here, so that a pool of one process never loads it
+    import torch  # a pool of one process never loads it
 
     torch.set_num_threads(1)
 
 
 def end_with_parent() -> None:
-    """Let this process end as soon as its parent has, however that ended; it does nothing in a process without one.
+    """End this process as soon as its parent process ends, for whatever reason. Without a parent it does nothing.
 
-    A killed parent tells its children nothing, and they would wait for work for ever. Only the parent holds the other
-    end of the sentinel, so the system closes it on every platform. The semaphores that the processes shared are
-    removed by multiprocessing's resource tracker once all of them are gone.
+    A killed parent cannot stop its children, which would then wait for work forever. Only the parent holds the other
+    end of the sentinel, so the system closes it when the parent ends, on every platform. The resource tracker of
+    multiprocessing removes the shared semaphores after the last process.
     """
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_outlive_nobody, args=(parent.sentinel,), daemon=True).start()
+        threading.Thread(target=_exit_after, args=(parent.sentinel,), daemon=True).start()
 
 
-def _outlive_nobody(sentinel: int) -> None:
+def _exit_after(sentinel: int) -> None:
     wait([sentinel])
-    os._exit(1)  # nobody is left to take a result, or to be told of an error
+    os._exit(1)  # nobody is left to receive a result or an error
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import doctest
 import importlib
 import inspect
 import re
+import sys
 from pathlib import Path
 from typing import Protocol
 
@@ -56,7 +57,8 @@ def test_the_example_runs(name, tmp_path, monkeypatch):
     if "onnx" in name:
         pytest.importorskip("onnxscript", reason="the extra [onnx]")
     torch.manual_seed(0)
-    known = {"np": np, "torch": torch, "pcsr": pcsr, "Path": Path}
+    own = vars(sys.modules[getattr(DOCUMENTED[name], "__module__", None) or "pcsr"])
+    known = {**own, "np": np, "torch": torch, "pcsr": pcsr, "Path": Path}
     test = doctest.DocTestParser().get_doctest(said(name), known, name, None, 0)
     printed = []
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)

@@ -186,7 +186,7 @@ def test_what_cannot_be_exported_is_said_and_the_old_file_stays(tiny, tmp_path):
 @pytest.mark.slow
 def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
     tiny.network.upsampler = OfTwo()
-    with pytest.raises(UserError, match=r"takes no batches of any size: fix it \(batch=1, or --batch 1\)"):
+    with pytest.raises(UserError, match=r"needs a fixed batch size: give one \(batch=1, or --batch 1\)"):
         export_onnx(tiny, tmp_path / "two.onnx")
     export_onnx(tiny, tmp_path / "two.onnx", batch=2)
     assert run(tmp_path / "two.onnx", clouds(2, 0)[0][:, :32]).shape == (2, 128, 3)
@@ -198,7 +198,7 @@ def test_a_batch_that_must_be_fixed_is_said(tiny, tmp_path):
         ({"points": 4}, "6 neighbours were asked of 4 points"),
         ({"points": 0}, "points is 0: it must be 1 or more"),
         ({"touches": -1}, "touches is -1: 'tiny' was trained with at most 5"),
-        ({"touches": 6}, "touches is 6: 'tiny' was trained with at most 5, so give 0 to that"),
+        ({"touches": 6}, "touches is 6: 'tiny' was trained with at most 5: give 0 to 5"),
         ({"touch_points": 0}, "touch_points is 0"),
         ({"batch": 0}, "batch is 0: it must be 1 or more"),
     ],
@@ -214,7 +214,7 @@ def test_a_fusion_that_joins_touches_goes_without_them_only(tiny, tmp_path):
     plain["model"] |= {"fusion": {"use": "none"}, "touch_encoder": None}
     recipe = from_resolved(plain, load_plugins())
     joining = Model("joining", build(recipe, load_plugins()).eval(), recipe, {}, None, ())
-    with pytest.raises(UserError, match="the fusion of 'joining' joins the touches"):
+    with pytest.raises(UserError, match="the fusion of 'joining' adds the touched points to the cloud"):
         export_onnx(joining, tmp_path / "model.onnx", touches=1)
 
 
@@ -233,7 +233,7 @@ def test_a_network_whose_points_are_thinned_is_refused(tiny, tmp_path, part, tou
 
 
 def test_interpolation_and_folders_are_refused(tiny, tmp_path):
-    with pytest.raises(UserError, match="model 'midpoint' is no network"):
+    with pytest.raises(UserError, match="model 'midpoint' has no network"):
         export_onnx(load("midpoint"), tmp_path / "model.onnx")
     with pytest.raises(UserError, match="is a folder: name the file"):
         export_onnx(tiny, tmp_path)
@@ -269,4 +269,4 @@ def test_the_command_hands_everything_on(monkeypatch, tmp_path):
 def test_the_command_says_what_is_wrong_in_one_line(tmp_path):
     result = CliRunner().invoke(pcsr.cli.pcsr, ["export", "midpoint", "-o", str(tmp_path / "m.onnx")])
     assert (result.exit_code, result.output.count("\n")) == (2, 1)
-    assert "model 'midpoint' is no network" in result.output
+    assert "model 'midpoint' has no network" in result.output

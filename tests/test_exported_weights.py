@@ -77,7 +77,7 @@ def test_a_weights_file_may_be_halved_in_its_place(tiny, tmp_path):
 
 
 def test_what_is_no_network_and_where_no_file_can_be_is_said_of_weights_too(tiny, tmp_path):
-    with pytest.raises(UserError, match="'midpoint' is no network"):
+    with pytest.raises(UserError, match="'midpoint' has no network"):
         export_weights(load("midpoint"), tmp_path / "m.safetensors")
     with pytest.raises(UserError, match=f"{tmp_path} is a folder: name the file to write, such as .*/weights.safetens"):
         export_weights(tiny, tmp_path)

@@ -54,7 +54,7 @@ def test_until_it_is_whole_nobody_sees_it(tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RunError, match=r"file/x\.txt could not be written: .*; what was there is unharmed"):
+    with pytest.raises(RunError, match=r"file/x\.txt could not be written: .*; the old file is unharmed"):
         write_text(tmp_path / "file" / "x.txt", "x")
 
 

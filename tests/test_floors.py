@@ -36,7 +36,7 @@ FLOORS = {
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
-    "pcsr.mistakes": 0,
+    "pcsr.validation_messages": 0,
     "pcsr.extras": 0,
 }
 SAME_FLOOR = {
@@ -44,7 +44,7 @@ SAME_FLOOR = {
     ("pcsr.files", "pcsr.errors"),
     ("pcsr.inputs", "pcsr.errors"),
     ("pcsr.inputs", "pcsr.limits"),
-    ("pcsr.inputs", "pcsr.mistakes"),
+    ("pcsr.inputs", "pcsr.validation_messages"),
     ("pcsr.limits", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),

@@ -11,7 +11,7 @@ def test_memory_that_is_not_free_is_refused_and_some_is_always_free(monkeypatch)
     with pytest.raises(UserError, match=r"a\.ply needs about 1\.5 GB of memory, and 1 GB are free: split it"):
         limits.check_memory(1.5e9, "a.ply")
     monkeypatch.setattr(limits, "free_memory", lambda: 0)
-    limits.check_memory(limits.FREELY, "a")
+    limits.check_memory(limits.UNCHECKED_SIZE, "a")
     monkeypatch.setattr(limits, "free_memory", lambda: None)
     limits.check_memory(10**15, "a")
 
@@ -43,10 +43,10 @@ def test_free_memory_is_the_least_that_the_system_says(monkeypatch, tmp_path):
 
 
 def test_what_is_compressed_becomes_no_more_than_points_can():
-    limits.check_inflated(1, limits.FREELY)
-    limits.check_inflated(limits.FREELY // 40, limits.FREELY * 2)
+    limits.check_inflated(1, limits.UNCHECKED_SIZE)
+    limits.check_inflated(limits.UNCHECKED_SIZE // 40, limits.UNCHECKED_SIZE * 2)
     with pytest.raises(UserError, match="more than 100 times as much"):
-        limits.check_inflated(limits.FREELY // 60, limits.FREELY * 2)
+        limits.check_inflated(limits.UNCHECKED_SIZE // 60, limits.UNCHECKED_SIZE * 2)
 
 
 @pytest.mark.parametrize(("count", "words"), [(1.5e9, "1.5 GB"), (537 << 20, "0.563 GB"), (2_000_000, "2 MB")])

@@ -14,7 +14,7 @@ from torch import nn
 
 import pcsr
 from pcsr.network.network import Network
-from pcsr.threads import EACH, PASSIVE, WAITING, allowed, deserved, single_thread, threads
+from pcsr.threads import PASSIVE, WAIT_VARIABLES, WORK_PER_THREAD, allowed, single_thread, thread_count, threads
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Candidates
 
@@ -117,10 +117,17 @@ def test_a_thread_can_be_set_for_good(four):
 
 @pytest.mark.parametrize(
     ("points", "weights", "count"),
-    [(1, 1, 1), (8 * 128, 43_867, 1), (EACH, 1, 1), (2, EACH, 2), (10 * EACH - 1, 1, 9), (8 * 512, 1_548_419, 126)],
+    [
+        (1, 1, 1),
+        (8 * 128, 43_867, 1),
+        (WORK_PER_THREAD, 1, 1),
+        (2, WORK_PER_THREAD, 2),
+        (10 * WORK_PER_THREAD - 1, 1, 9),
+        (8 * 512, 1_548_419, 126),
+    ],
 )
 def test_a_pass_deserves_a_thread_for_so_much_work(points, weights, count):
-    assert deserved(points, weights) == count
+    assert thread_count(points, weights) == count
 
 
 class Spy(Network):
@@ -217,8 +224,8 @@ pcsr.cli.main(["evaluate"])
 )
 def test_commands_wait_passively_unless_told_otherwise(given, seen):
     """Before torch is there, as OpenMP reads its environment once."""
-    environment = {key: value for key, value in os.environ.items() if key not in WAITING} | given
+    environment = {key: value for key, value in os.environ.items() if key not in WAIT_VARIABLES} | given
     done = subprocess.run([sys.executable, "-c", COMMAND], env=environment, capture_output=True, text=True, check=True)
     found, torch_is_there = json.loads(done.stdout)
-    assert {key: found[key] for key in WAITING if key in found} == seen
+    assert {key: found[key] for key in WAIT_VARIABLES if key in found} == seen
     assert not torch_is_there

@@ -122,9 +122,9 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pydantic import ValidationError
 
-    from pcsr.mistakes import explained, shortened, shown
     from pcsr.recipe.schema import options_model
     from pcsr.recipe.source import Place, scalar
+    from pcsr.validation_messages import explained, shortened, shown
 
     if not overrides:  # so that a part whose options cannot be read fails a check
         return {}

@@ -58,7 +58,7 @@ def touch(
     import numpy as np
 
     from pcsr.clouds.formats import read_points
-    from pcsr.clouds.touch import coverage
+    from pcsr.clouds.touch import covered_area_share
     from pcsr.contracts import ShapeItem, TouchSource
     from pcsr.extras import require
     from pcsr.geometry.sampling import surface_points
@@ -87,7 +87,7 @@ def touch(
     if len(touches) != count:
         raise UserError(f"{mesh}: touch '{source}' gave {len(touches)} touches where {count} were asked for")
     areas = [one.contact_area for one in touches if one.contact_area is not None]
-    felt = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
+    felt = f", {covered_area_share(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
     length = item.mesh.extents.max() * touches[0].unit
     write(folder, touches, overwrite=overwrite)  # last, so that nothing is left of a command that was stopped before
     click.echo(

@@ -149,7 +149,7 @@ def upsample(
 def _device(name: str) -> str:
     import torch
 
-    from pcsr.mistakes import shown
+    from pcsr.validation_messages import shown
 
     found = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if name == "auto":

@@ -1,1 +1,1 @@
-"""Records for what sensors give."""
+"""Records of point clouds and touches, and their file formats."""

@@ -1,20 +1,26 @@
-"""What the columns beside a cloud's coordinates mean, going by their names: colours, normals, and all the rest."""
+"""Columns of a cloud beside its coordinates: recognising colours and normals by name, and renaming for file formats."""
 
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 COLOURS = ("red", "green", "blue", "alpha")
+"""Names of columns that hold one channel of the colours."""
 SHORT_COLOURS = ("r", "g", "b")
+"""Other names of such columns."""
 COLOUR_BLOCKS = ("color", "colors", "colour", "colours", "rgb", "rgba")
-"""Names of columns that hold three or four colours at once."""
+"""Names of columns (n, 3) or (n, 4) that hold whole colours."""
 NORMALS = ("nx", "ny", "nz")
+"""Names of columns that hold one component of the normals."""
 NORMAL_BLOCKS = ("normal", "normals")
-"""Names of columns that hold whole normals."""
+"""Names of columns (n, 3) that hold whole normals."""
 
 
 def colour_names(columns: Mapping[str, np.ndarray]) -> list[str]:
-    """The columns that hold colours: red, green and blue where all three are there, with alpha; r, g, b; blocks."""
+    """Return the names of the columns that hold colours.
+
+    These are red, green, blue and alpha if the first three exist; r, g and b if all exist; and whole colours.
+    """
     single = {name.lower() for name, column in columns.items() if column.ndim == 1}
     known = {
         *(COLOURS if single.issuperset(COLOURS[:3]) else ()),
@@ -28,24 +34,24 @@ def colour_names(columns: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def normal_groups(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """The groups of columns that hold normals: three of one number each, or one of three."""
+    """Return the names of the columns that hold normals, in groups: nx, ny and nz, or one column of whole normals."""
     by_name = {name.lower(): name for name, column in columns.items() if column.ndim == 1}
     groups = [[by_name[name] for name in NORMALS]] if by_name.keys() >= set(NORMALS) else []
     return groups + [[name] for name, column in columns.items() if is_block(name, column, NORMAL_BLOCKS)]
 
 
 def is_block(name: str, column: np.ndarray, names: Iterable[str]) -> bool:
-    """Whether a column holds whole colours or normals, going by its name and width."""
+    """Return whether a column holds whole colours or normals, by its name and width."""
     widths = (3,) if name.lower() in NORMAL_BLOCKS else (3, 4)
     return name.lower() in names and column.ndim == 2 and column.shape[1] in widths
 
 
 def spread(columns: Mapping[str, np.ndarray], rest: bool) -> dict[str, np.ndarray]:
-    """Blocks of colours and normals as the columns red, green, blue and nx, ny, nz, as most formats have them.
+    """Split columns of whole colours and normals into red, green, blue and nx, ny, nz, as in most file formats.
 
     Args:
-        columns: of a cloud.
-        rest: whether other columns of k numbers become k columns, too: label (n, 2) becomes label_0 and label_1.
+        columns: columns of a cloud.
+        rest: whether to split other columns too: label (n, 2) becomes label_0 and label_1.
     """
     flat: dict[str, np.ndarray] = {}
     for name, column in columns.items():
@@ -68,7 +74,7 @@ def spread(columns: Mapping[str, np.ndarray], rest: bool) -> dict[str, np.ndarra
 
 
 def unused(name: str, taken: Iterable[str]) -> str:
-    """`name`, or the first of name_2, name_3 ... that is not taken."""
+    """Return `name`, or if it is taken the first of name_2, name_3 and so on that is not."""
     taken, number, free = set(taken), 2, name
     while free in taken:
         free, number = f"{name}_{number}", number + 1
@@ -76,7 +82,7 @@ def unused(name: str, taken: Iterable[str]) -> str:
 
 
 def one_word_names(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The columns with names that hold no white space, commas or quotes: each becomes an underscore."""
+    """Rename columns: white space, commas, quotes and unprintable characters become underscores."""
     clean: dict[str, np.ndarray] = {}
     for name, column in columns.items():
         word = "".join("_" if c.isspace() or not c.isprintable() or c in ",\"'" else c for c in name) or "_"
@@ -85,5 +91,5 @@ def one_word_names(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def native(column: np.ndarray) -> np.ndarray:
-    """The column in the machine's byte order, in memory of its own."""
+    """Copy a column, in the machine's byte order."""
     return np.array(column, column.dtype.newbyteorder("="), order="C")

@@ -1,4 +1,4 @@
-"""A surface through a dense cloud, and a window to look at clouds: what Open3D is for (extra `[open3d]`)."""
+"""Surface reconstruction from a dense cloud, and a viewer for clouds, both by Open3D (extra `[open3d]`)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,19 +13,21 @@ from pcsr.extras import imported
 from pcsr.files import write_whole
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+"""Suffixes of the mesh formats that can be written."""
 NEIGHBOURS = 16
-"""Points that a normal is estimated from."""
+"""Points from which a normal is estimated."""
 DEPTH = 9
-"""Of the octree: 512 cells along the cloud's longest side."""
+"""Depth of the octree: 512 cells along the cloud's longest side."""
 FAR = 3.0
-"""The surface is cut off where it is so many spacings from all points: Poisson's method closes every hole."""
+"""The surface is cut off at a distance of `FAR` × mean spacing from the points: Poisson reconstruction closes every
+hole."""
 
 
 def open3d() -> ModuleType:
-    """The library, if it is there and works.
+    """Import Open3D.
 
     Raises:
-        UserError: it is not installed, or a library of the system that it needs is not.
+        UserError: Open3D or a system library that it needs is not installed.
     """
     try:
         module: ModuleType = imported("open3d", "a surface or a window")
@@ -37,24 +39,24 @@ def open3d() -> ModuleType:
 
 
 def write_surface(path: Path, cloud: Cloud) -> int:
-    """Write a triangle mesh through a cloud, by Poisson reconstruction (Kazhdan and Hoppe, 2013).
+    """Reconstruct a surface from a cloud (Kazhdan and Hoppe, 2013) and write it as a triangle mesh.
 
-    Normals are the cloud's; where it has none they are estimated. The surface ends where the points do.
+    Normals are taken from the cloud, or estimated if it has none. The surface is cut off away from the points.
 
     Args:
-        path: .ply, .obj, .stl, .off or .glb.
-        cloud: dense, in any frame and unit.
+        path: the file: .ply, .obj, .stl, .off or .glb.
+        cloud: dense cloud in any frame and unit.
 
     Returns:
         The number of triangles.
 
     Raises:
-        UserError: an unknown suffix, or no Open3D.
+        UserError: the suffix is unknown, or Open3D is not installed.
         RunError: no surface was found, or the file cannot be written.
     """
     check_suffix(path)
     o3d = open3d()
-    centre = cloud.points.mean(0)  # Open3D's reconstruction is in single precision
+    centre = cloud.points.mean(0)  # Open3D computes in single precision
     points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points - centre))
     if all(name in cloud.columns for name in ("nx", "ny", "nz")):
         normals = np.stack([cloud.columns[name] for name in ("nx", "ny", "nz")], axis=1).astype(np.float64)
@@ -63,13 +65,13 @@ def write_surface(path: Path, cloud: Cloud) -> int:
         points.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
         try:
             points.orient_normals_consistent_tangent_plane(NEIGHBOURS)
-        except RuntimeError:  # it triangulates the points, which fails where many lie on one sphere or plane
+        except RuntimeError:  # its triangulation fails where many points lie on one sphere or plane
             points.normals = o3d.utility.Vector3dVector(
                 _outwards(np.asarray(points.points), np.asarray(points.normals))
             )
     mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=DEPTH, n_threads=1)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
-    kept = faces[_near(vertices, cloud.points - centre)[faces].all(1)]
+    kept = faces[_close_to_points(vertices, cloud.points - centre)[faces].all(1)]
     if not len(kept):
         raise RunError(f"{path}: no surface was found through the {len(cloud)} points")
     _export(path, vertices + centre, kept)
@@ -77,10 +79,13 @@ def write_surface(path: Path, cloud: Cloud) -> int:
 
 
 def show(clouds: Sequence[tuple[str, Cloud]]) -> None:
-    """Open a window with clouds side by side; it returns when the window is closed.
+    """Show clouds side by side in a window, and return when it is closed.
+
+    Args:
+        clouds: names and clouds.
 
     Raises:
-        UserError: no Open3D, or no display.
+        UserError: Open3D is not installed, or there is no display.
     """
     o3d = open3d()
     shown: list[Any] = []
@@ -104,28 +109,28 @@ def show(clouds: Sequence[tuple[str, Cloud]]) -> None:
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse what no mesh is written as.
+    """Check that a mesh can be written to a path.
 
     Raises:
-        UserError: its suffix is none of a mesh.
+        UserError: the suffix is no known mesh format.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise UserError(f"{path}: no mesh format '{path.suffix}': {', '.join(SUFFIXES)} are known")
 
 
 def _outwards(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Normals turned away from the cloud's middle, which is right for what bulges."""
+    """Orient normals away from the centroid of the cloud, which is right for convex shapes."""
     inwards = np.einsum("ij,ij->i", points - points.mean(0), normals) < 0
     return np.where(inwards[:, None], -normals, normals)
 
 
-def _near(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Which vertices have points about them."""
+def _close_to_points(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return a mask of the vertices within `FAR` × mean spacing of a point."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points)
-    spacing = tree.query(points[:: max(1, len(points) // 10_000)], k=7)[0][:, 1:].mean()
-    return np.asarray(tree.query(vertices)[0] <= FAR * spacing)
+    mean_spacing = tree.query(points[:: max(1, len(points) // 10_000)], k=7)[0][:, 1:].mean()
+    return np.asarray(tree.query(vertices)[0] <= FAR * mean_spacing)
 
 
 def _export(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""One touch: the patch of surface that a fingertip felt, and where the finger was."""
+"""Touches: contact points and poses of the fingers, and the share of a surface that touches cover."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,32 +12,32 @@ from pcsr.errors import UserError
 
 @dataclass(frozen=True)
 class Touch:
-    """The points that one touch felt, in the object's frame and unit.
-
-    Most touches are one finger's. A grasp is one touch too, of several fingers at once.
+    """Contact points of one touch, by a single finger or by several fingers at once (a grasp).
 
     Examples:
-        >>> points = np.zeros((20, 3))
-        >>> touch = pcsr.Touch.single(points, pose=None, unit=1.0, sensor="digit", contact_area=12.5)
-        >>> touch.points.shape, touch.sensor
-        ((20, 3), 'digit')
+        >>> points = np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 10.0]])
+        >>> left = Touch.single(points, pose=None, unit=1.0, sensor="digit", contact_area=2.5)
+        >>> right = Touch.single(-points, pose=None, unit=1.0, sensor="digit", contact_area=2.0)
+        >>> both = Touch.grasp([left, right])
+        >>> both.finger
+        array([0, 0, 1, 1])
     """
 
     points: Float[np.ndarray, "m 3"]
     """Contact points in the object's frame and unit."""
     finger: Int[np.ndarray, " m"]
-    """Which finger felt each point: an index into `poses`; all 0 where one finger touches."""
+    """Finger of each point, as an index into `poses`; 0 for a single finger."""
     poses: Float[np.ndarray, "fingers 4 4"]
-    """For each finger, sensor to object: from millimetres in the sensor's frame to the object's frame and unit.
+    """Transform of each finger from the sensor's frame, in millimetres, to the object's frame and unit.
 
-    A sensor's origin lies on its face, and it looks along its own -z. Empty where nobody recorded the poses.
+    The origin of a sensor lies on its face, and the sensor looks along its -z axis. Empty if the poses are unknown.
     """
     unit: float
-    """The object's unit in millimetres: 1000 where it is the metre."""
+    """The object's unit in millimetres, such as 1000 for the metre."""
     sensor: str
-    """Name of the sensor that felt it."""
+    """Name of the sensor."""
     contact_area: float | None
-    """Area of the contact in the planes of the gels, in square millimetres; None where nobody measured it."""
+    """Area of the contact in the plane of the gel, summed over fingers, in square millimetres; None if unknown."""
 
     @classmethod
     def single(
@@ -48,30 +48,42 @@ class Touch:
         sensor: str,
         contact_area: float | None = None,
     ) -> "Touch":
-        """The usual case.
+        """Create the touch of a single finger.
+
+        Args:
+            points: contact points in the object's frame and unit.
+            pose: transform from the sensor's frame, in millimetres, to the object's frame; None if unknown.
+            unit: the object's unit in millimetres.
+            sensor: name of the sensor.
+            contact_area: area of the contact in square millimetres; None if unknown.
 
         Examples:
-            >>> pcsr.Touch.single(np.zeros((20, 3)), np.eye(4), unit=1000.0, sensor="digit").poses.shape
-            (1, 4, 4)
+            >>> touch = Touch.single(np.zeros((5, 3)), pose=np.eye(4), unit=1.0, sensor="digit")
+            >>> touch.points.shape, touch.poses.shape, touch.finger
+            ((5, 3), (1, 4, 4), array([0, 0, 0, 0, 0]))
         """
         poses = np.zeros((0, 4, 4)) if pose is None else np.asarray(pose, np.float64)[None]
         return cls(np.asarray(points, np.float64), np.zeros(len(points), np.int64), poses, unit, sensor, contact_area)
 
     @classmethod
     def grasp(cls, fingers: Sequence["Touch"]) -> "Touch":
-        """Several fingers at once: a grasp. Their units must be one.
+        """Combine the touches of several fingers into one grasp.
+
+        The contact area is the sum of the fingers' areas, or None if one of them is unknown.
+
+        Args:
+            fingers: at least one touch; all in the same unit.
 
         Raises:
-            UserError: no finger at all, or fingers in different units.
+            UserError: there is no finger, or the units differ.
 
         Examples:
-            >>> thumb = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
-            >>> index = pcsr.Touch.single(np.ones((10, 3)), None, unit=1.0, sensor="digit")
-            >>> np.bincount(pcsr.Touch.grasp([thumb, index]).finger).tolist()
-            [20, 10]
+            >>> thumb, index = (Touch.single(np.zeros((2, 3)), None, 1.0, "digit", area) for area in (2.0, 3.0))
+            >>> Touch.grasp([thumb, index]).contact_area
+            5.0
         """
         if len({touch.unit for touch in fingers}) != 1:
-            raise UserError(f"the fingers of a grasp need one unit, got {[touch.unit for touch in fingers]} mm")
+            raise UserError(f"the fingers of a grasp need the same unit, got {[touch.unit for touch in fingers]} mm")
         before = np.cumsum([0, *(max(1, len(touch.poses)) for touch in fingers)])
         areas = [touch.contact_area for touch in fingers if touch.contact_area is not None]
         return cls(
@@ -84,64 +96,77 @@ class Touch:
         )
 
     def resampled(self, count: int, rng: np.random.Generator) -> "Touch":
-        """Exactly `count` of its points, drawn at random; where there are fewer, each is repeated equally often.
+        """Draw exactly `count` of the points at random.
+
+        If there are fewer points, each is repeated, and the numbers of repetitions differ by at most one.
+
+        Args:
+            count: number of points of the result.
+            rng: source of randomness.
 
         Raises:
-            UserError: it has no points.
+            UserError: the touch has no points.
 
         Examples:
-            >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
-            >>> len(touch.resampled(8, np.random.default_rng(0)).points)
-            8
+            >>> touch = Touch.single(np.zeros((5, 3)), None, 1.0, "digit")
+            >>> touch.resampled(64, np.random.default_rng(0)).points.shape
+            (64, 3)
         """
         n = len(self.points)
         if n == 0:
-            raise UserError(f"a touch by '{self.sensor}' felt no points: there is nothing to draw {count} from")
+            raise UserError(f"a touch by '{self.sensor}' has no points: there is nothing to draw {count} from")
         drawn = np.concatenate([rng.permutation(n) for _ in range(-(-count // n))])[:count]
         return replace(self, points=self.points[drawn], finger=self.finger[drawn])
 
 
-def coverage(touches: Sequence[Touch], area: float) -> float:
-    """The share of an object's surface that its touches felt, from 0 to 1; what two felt counts once.
+def covered_area_share(touches: Sequence[Touch], area: float) -> float:
+    """Compute the share of an object's surface that is covered by at least one touch, from 0 to 1.
 
-    A touch adds its contact area, less the share of its points that lie among those of an earlier touch. The
-    contact is measured in the gel's plane, so that on slopes the coverage is a little low.
+    Each touch adds its contact area, reduced by the share of its points that lie within an earlier touch. The contact
+    area is measured in the plane of the gel, so that the result is slightly low on slopes.
 
     Args:
-        touches: of one object.
-        area: the object's whole surface, in its own unit squared, as `trimesh.Trimesh.area` gives it.
+        touches: touches of one object.
+        area: the object's surface area in its unit squared, such as `trimesh.Trimesh.area`.
 
     Raises:
         UserError: the contact area of a touch is unknown.
+
+    Examples:
+        >>> square = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0), [0.0]), axis=-1).reshape(-1, 3)
+        >>> touch = Touch.single(square, None, unit=1.0, sensor="pad", contact_area=100.0)
+        >>> covered_area_share([touch, touch], area=400.0)
+        0.25
     """
     areas = np.array([_area(touch, index) for index, touch in enumerate(touches)])
-    # A disc about each point, four times its share of the contact: gaps between points are rarer than 2 %, and the
-    # contact grows by little.
+    # Each point covers a disc of four times its share of the contact area. Gaps between the discs are then rarer than
+    # 2 %, and the union of the discs is little larger than the contact.
     radii = [np.sqrt(4 * a / (np.pi * len(t.points))) / t.unit for a, t in zip(areas, touches, strict=True)]
     low = np.array([touch.points.min(0) - radius for touch, radius in zip(touches, radii, strict=True)])
     high = np.array([touch.points.max(0) + radius for touch, radius in zip(touches, radii, strict=True)])
     trees: dict[int, KDTree] = {}
-    felt = 0.0
+    covered = 0.0
     for index, touch in enumerate(touches):
         new = touch.points
-        over = (low[:index] <= new.max(0)) & (high[:index] >= new.min(0))
-        near = np.flatnonzero(over.all(1))
-        # The nearest first: they are the likeliest to leave nothing new, and then the others need not be asked.
-        middles = (low[near] + high[near]) / 2
-        for earlier in near[np.argsort(np.linalg.norm(middles - new.mean(0), axis=1), kind="stable")].tolist():
+        overlaps = (low[:index] <= new.max(0)) & (high[:index] >= new.min(0))
+        candidates = np.flatnonzero(overlaps.all(1))
+        # The nearest touches first: they are the most likely to cover all points, which ends the search.
+        centres = (low[candidates] + high[candidates]) / 2
+        order = np.argsort(np.linalg.norm(centres - new.mean(0), axis=1), kind="stable")
+        for earlier in candidates[order].tolist():
             if earlier not in trees:
                 trees[earlier] = KDTree(touches[earlier].points)
             distance, _ = trees[earlier].query(new, distance_upper_bound=radii[earlier])
             new = new[~np.isfinite(distance)]
             if len(new) == 0:
                 break
-        felt += areas[index] / touch.unit**2 * len(new) / len(touch.points)
-    return float(min(1.0, felt / area))
+        covered += areas[index] / touch.unit**2 * len(new) / len(touch.points)
+    return float(min(1.0, covered / area))
 
 
 def _area(touch: Touch, index: int) -> float:
     if touch.contact_area is None:
         raise UserError(
-            f"the contact area of touch {index} by '{touch.sensor}' is not known: give it to get a coverage"
+            f"the contact area of touch {index} by '{touch.sensor}' is not known: give it to compute the covered area"
         )
     return touch.contact_area

@@ -21,7 +21,7 @@ from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.results import MethodResult, validated
-from pcsr.threads import deserved, threads
+from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
 
@@ -131,7 +131,7 @@ def evaluate(
     used: list[int] = []
     for position, method in enumerate(compared):
         runs.append(_Timed([], []))
-        with threads(deserved(points_at_once(recipe), method.parameters)) as count:
+        with threads(thread_count(points_at_once(recipe), method.parameters)) as count:
             used.append(count)
             for i, mesh in enumerate(meshes):
                 points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())

@@ -28,7 +28,7 @@ from pcsr.network.network import Network, build
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.run_files import HISTORY
-from pcsr.threads import deserved, threads
+from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.weights.file import read_file
 
@@ -119,7 +119,7 @@ def train(
     optimizer = _optimizer(recipe, model)
     checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
     step, before = 0, 0.0
-    count = deserved(size // fabric.world_size * recipe.network_points, network.parameter_count)
+    count = thread_count(size // fabric.world_size * recipe.network_points, network.parameter_count)
     if checkpoint.exists() and _is_of(checkpoint, data_fingerprint):
         about = load_training(checkpoint, model, optimizer)
         step, before = about["step"], about["seconds"]
@@ -217,7 +217,7 @@ def validate(network: Network, split: Split, recipe: Recipe) -> float:
     """Mean Chamfer distance over a split, with the recipe's number of touches, in the truth's unit sphere."""
     network.eval()
     values = []
-    with threads(deserved(points_at_once(recipe), network.parameter_count)):
+    with threads(thread_count(points_at_once(recipe), network.parameter_count)):
         for i in range(len(split)):
             touches = list(split.touches[i][: recipe.data.touches].numpy())
             dense = upsample_as(recipe, network, split.points[i].numpy(), touches)

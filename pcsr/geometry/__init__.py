@@ -1,1 +1,1 @@
-"""Points in space: neighbours, orders, samples, frames, interpolation. Pure functions, no state."""
+"""Geometry of point clouds: neighbours, orders, sampling, frames, interpolation and ray casting."""

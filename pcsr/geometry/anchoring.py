@@ -1,4 +1,4 @@
-"""A dense cloud of the right number of points, evenly spaced, with the points that were touched in their places."""
+"""Evenly spaced subsets of a dense cloud that keep its touched points."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -6,48 +6,58 @@ from scipy.spatial import cKDTree
 
 from pcsr.geometry.farthest import farthest_points
 
-SAMPLE = 16
-"""How far apart kept points will lie is estimated from one point in so many,"""
-ENOUGH = 64
-"""but from no fewer than so many of them: in a small part most points lie at its border."""
-APART = 0.9
-"""Touched points that are kept are at least so many of these distances apart: a dense touch is no reason to have more
-points there, and fewer elsewhere."""
-CLEAR = 1.0
-"""What was made within so many of these distances of a touched point gives way to it."""
+SUBSAMPLE = 16
+"""The spacing is estimated on every 16th point."""
+MIN_SUBSAMPLE = 64
+"""The spacing is estimated on at least 64 points. In smaller samples most points lie on the border and bias it."""
+TOUCHED_SPACING = 0.9
+"""Kept touched points are at least `TOUCHED_SPACING` × spacing apart, so that the cloud is no denser where it was
+touched."""
+CLEARANCE = 1.0
+"""Generated points closer than `CLEARANCE` × spacing to a touched point are dropped in favour of it."""
 
 
 def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) -> Int[np.ndarray, " count"]:
-    """Indices of the `count` points that are farthest from each other, touched points among them.
+    """Choose `count` evenly spaced points by farthest point sampling, touched points in favour of generated ones.
 
-    A touched point is known, others near it are guessed: they go first. What is then farthest from each other is
-    kept, of both kinds. If too few would be left, the guessed ones that are farthest from any touched one stay.
+    Generated points close to a touched one are dropped (`CLEARANCE`), as are touched points close to each other
+    (`TOUCHED_SPACING`). The subset is chosen from the rest. If too few points are left, the generated points farthest
+    from all touched ones are used again.
 
     Args:
-        points: more than are wanted, in any frame.
-        count: how many to keep.
-        touched: so many of the first points were touched.
+        points: the dense cloud in any frame, touched points first.
+        count: number of points to choose.
+        touched: number of touched points.
+
+    Returns:
+        Indices of the chosen points.
 
     Raises:
         UserError: there are fewer than `count` points.
     """
-    if not touched or not np.isfinite(points).all():  # a network that diverged: metrics say so
+    if not touched or not np.isfinite(points).all():  # metrics report a network that has diverged
         return farthest_points(points, count)
-    guessed = len(points) - touched
-    gap = spacing(points[touched:] if guessed > 1 else points, count)
-    felt = farthest_points(points[:touched], touched)
-    felt = felt[: max(first_apart(points[felt], APART * gap), count - guessed)]
+    generated = len(points) - touched
+    gap = subset_spacing(points[touched:] if generated > 1 else points, count)
+    kept_touched = farthest_points(points[:touched], touched)
+    spread = spread_prefix(points[kept_touched], TOUCHED_SPACING * gap)
+    kept_touched = kept_touched[: max(spread, count - generated)]
     tree = cKDTree(points[:touched])
-    clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=CLEAR * gap)[0]))
-    if len(felt) + len(clear) < count:
-        clear = tree.query(points[touched:])[0].argsort(kind="stable")[len(felt) - count :]
-    left = np.concatenate([felt, touched + clear])
+    clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=CLEARANCE * gap)[0]))
+    if len(kept_touched) + len(clear) < count:
+        clear = tree.query(points[touched:])[0].argsort(kind="stable")[len(kept_touched) - count :]
+    left = np.concatenate([kept_touched, touched + clear])
     kept: Int[np.ndarray, " count"] = left[farthest_points(points[left], count)]
     return kept
 
 
-def first_apart(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
-    """How many of the first points, each the farthest from those before it, are at least `gap` from each other."""
+def spread_prefix(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
+    """Return how many of the first points are at least `gap` apart from each other.
+
+    Args:
+        ordered: points in the order of farthest point sampling.
+        gap: distance in the unit of the points.
+    """
     low, high = 1, len(ordered)
     while low < high:
         middle = (low + high + 1) // 2
@@ -56,15 +66,17 @@ def first_apart(ordered: Float[np.ndarray, "n 3"], gap: float) -> int:
     return low
 
 
-def spacing(points: Float[np.ndarray, "n 3"], count: int) -> float:
-    """About how far apart the `count` farthest of the points of a surface are, in their unit.
+def subset_spacing(points: Float[np.ndarray, "n 3"], count: int) -> float:
+    """Estimate the spacing of `count` points that farthest point sampling chooses from points of a surface.
 
-    From a part of both numbers: on a surface the distance falls with the root of the number. It does not depend on the
-    order of the points.
+    The spacing is the median distance to the nearest other point, in the unit of the points. It is measured on a random
+    subsample of both the points and `count`, and scaled by the square root of the fraction, as on a surface. It does
+    not depend on the order of the points.
     """
-    part = max(1, min(SAMPLE, count // ENOUGH))
-    drawn = np.random.default_rng(0).permutation(len(points))[: max(2, len(points) // part)]
-    few = points[np.lexsort(points.T[::-1])[drawn]]
-    chosen = few[farthest_points(few, max(2, count // part))] if len(few) >= count // part else few
-    near = cKDTree(chosen).query(chosen, k=[2])[0]
-    return float(np.median(near) / part**0.5)
+    fraction = max(1, min(SUBSAMPLE, count // MIN_SUBSAMPLE))
+    drawn = np.random.default_rng(0).permutation(len(points))[: max(2, len(points) // fraction)]
+    sample = points[np.lexsort(points.T[::-1])[drawn]]
+    enough = len(sample) >= count // fraction
+    chosen = sample[farthest_points(sample, max(2, count // fraction))] if enough else sample
+    distance = cKDTree(chosen).query(chosen, k=[2])[0]
+    return float(np.median(distance) / fraction**0.5)

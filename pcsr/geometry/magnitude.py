@@ -1,4 +1,4 @@
-"""Coordinates of any size: scaled by a power of two, exactly, until their squares and cubes fit into doubles."""
+"""Exact scaling of very large or small coordinates by a power of two, so that their powers fit into doubles."""
 
 from collections.abc import Sequence
 
@@ -6,17 +6,17 @@ import numpy as np
 from jaxtyping import Float
 
 ORDINARY = 100
-"""Coordinates between 2⁻¹⁰⁰ and 2¹⁰⁰ stay as they are: up to their ninth powers fit into doubles."""
+"""Coordinates between 2⁻¹⁰⁰ and 2¹⁰⁰ are not scaled: their powers up to the ninth fit into doubles."""
 
 
 def exponent(clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> int:
-    """The power of two that all coordinates may be divided by to be ordinary; 0 where they are.
+    """Return the exponent of the power of two by which coordinates should be divided; 0 if they need no scaling.
 
-    Divided by it, the largest is between a half and 1. Sums, products and roots of such numbers are the same as of
-    those that they were made of, but for the power of two, unless these were too large or small for doubles.
+    After the division the largest coordinate is between 1/2 and 1. Sums, products and roots of the scaled coordinates
+    equal those of the original ones up to the power of two, except where the latter overflow or underflow.
 
     Args:
-        clouds: all in one frame; finite.
+        clouds: finite clouds in the same frame.
     """
     largest = max((float(np.abs(cloud).max()) for cloud in clouds if cloud.size), default=0.0)
     power = int(np.frexp(largest)[1])
@@ -24,9 +24,9 @@ def exponent(clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> int:
 
 
 def scaled(points: Float[np.ndarray, "*n 3"], power: int) -> Float[np.ndarray, "*n 3"]:
-    """Points times two to a power; the same array where the power is 0."""
+    """Multiply points by 2 to the given power; return the same array if the power is 0."""
     if power == 0:
         return points
     with np.errstate(under="ignore", over="ignore"):
-        made: Float[np.ndarray, "*n 3"] = np.ldexp(points, power)
-    return made
+        product: Float[np.ndarray, "*n 3"] = np.ldexp(points, power)
+    return product

@@ -1,7 +1,7 @@
-"""A space-filling curve through a cloud: neighbours on the curve are neighbours in space.
+"""Order of points along a Hilbert curve, a space-filling curve: neighbours on the curve are neighbours in space.
 
-Layers that pool or convolve along the point axis need an order. A cloud has none, so it is given this one: then
-windows along the axis are neighbourhoods, and the result no longer depends on the order in the file.
+Layers that pool or convolve along the point axis need an order, which a cloud does not have. In this one, windows along
+the axis are neighbourhoods, and the result does not depend on the order of the input.
 """
 
 import torch
@@ -9,21 +9,26 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 BITS = 10
-"""Bits for each coordinate: 1024 cells along each side, far finer than the spacing of any cloud a network sees."""
+"""Bits for each coordinate: 1024 cells along each side, far finer than the point spacing of a network's input."""
 
 
 def hilbert_order(points: Float[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
-    """The permutation that sorts points along a Hilbert curve through their bounding cube.
+    """Return the permutation that sorts points along a Hilbert curve through their bounding cube.
 
-    Skilling's transposition (AIP Conf. Proc. 707, 2004) on whole tensors. Unlike a Morton curve it never
-    jumps: consecutive cells share a face. Points of one cell are sorted by their coordinates, so that the
-    order is a function of the points alone.
+    The positions on the curve follow Skilling (AIP Conf. Proc. 707, 2004). Consecutive cells share a face, unlike those
+    of a Morton curve. Points of the same cell are sorted by their coordinates, so that the result does not depend on
+    the order of the input.
+
+    Examples:
+        >>> corners = torch.tensor([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> hilbert_order(corners)
+        tensor([0, 3, 1, 2])
     """
     with torch.no_grad():
         low = points.amin(-2, keepdim=True)
         side = (points - low).amax((-1, -2), keepdim=True).clamp_min(torch.finfo(points.dtype).tiny)
         code = _hilbert_code(((points - low) / side * 2**BITS).long().clamp(0, 2**BITS - 1))
-        # Sort by the last key first: each sort is stable, so the code decides and coordinates break its ties.
+        # Stable sorts with the last key first: the position on the curve decides, and coordinates resolve ties.
         order = torch.argsort(points[..., 2], dim=-1, stable=True)
         for key in (points[..., 1], points[..., 0], code):
             order = order.gather(-1, torch.argsort(key.gather(-1, order), dim=-1, stable=True))
@@ -31,7 +36,7 @@ def hilbert_order(points: Float[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
 
 
 def _hilbert_code(cells: Int[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
-    """Cell coordinates to the position on the curve, octant by octant from the coarsest to the finest."""
+    """Convert cell coordinates to positions on the curve, octant by octant from the coarsest to the finest."""
     bits = torch.arange(BITS - 1, -1, -1, device=cells.device).view(-1, *[1] * cells.dim())
     x, y, z = (cells.bitwise_right_shift(bits) & 1).unbind(-1)  # (BITS *b n)
     table = torch.tensor(CURVE, device=cells.device)
@@ -44,15 +49,15 @@ def _hilbert_code(cells: Int[Tensor, "*b n 3"]) -> Int[Tensor, "*b n"]:
 
 
 def _curve() -> list[int]:
-    """The curve as a machine that reads a cell's octants from the coarsest to the finest.
+    """Return the curve as the transition table of a finite-state machine.
 
-    Entry 8·state + octant holds 8·(next state) + the digit of the code. A state is what Skilling's loop over the
-    bits has done so far to all finer ones: which axis each comes from, whether it is inverted, and whether the digit
-    will be.
+    The machine reads a cell's octants from the coarsest to the finest. Entry 8·state + octant holds 8·(next state) plus
+    the next digit of the position, to base 8. A state is the effect of the previous steps of Skilling's loop on all
+    finer bits: the permutation of the axes, which of them are inverted, and whether the digit is.
     """
     states = [((0, 1, 2), (0, 0, 0), 0)]
     table = []
-    for axes, inverted, turn in states:  # grows as it is walked
+    for axes, inverted, turn in states:  # the loop appends to `states`
         for octant in range(8):
             raw = (octant >> 2, octant >> 1 & 1, octant & 1)
             bits = [raw[axis] ^ flip for axis, flip in zip(axes, inverted, strict=True)]
@@ -72,13 +77,14 @@ def _curve() -> list[int]:
 
 
 CURVE = _curve()
+"""Transition table of the Hilbert curve."""
 
 
 def along(order: Int[Tensor, "b n"], features: Float[Tensor, "b n c"]) -> Float[Tensor, "b n c"]:
-    """Put rows into an order."""
+    """Permute the rows of features into the given order."""
     return features.gather(1, order.unsqueeze(-1).expand_as(features))
 
 
 def back(order: Int[Tensor, "b n"], features: Float[Tensor, "b n c"]) -> Float[Tensor, "b n c"]:
-    """Undo `along`."""
+    """Permute the rows of features back: the inverse of `along`."""
     return torch.zeros_like(features).scatter(1, order.unsqueeze(-1).expand_as(features), features)

@@ -1,4 +1,4 @@
-"""Rays against a mesh in millimetres: Embree finds the triangle, float64 finds the point on it."""
+"""Ray casting on a mesh in millimetres: Embree finds the triangle, float64 arithmetic the point on it."""
 
 import numpy as np
 import trimesh
@@ -8,15 +8,20 @@ from pcsr.errors import UserError
 from pcsr.extras import imported
 
 EDGE_ON = 0.3
-"""A face whose normal makes less than this cosine with a ray is seen nearly edge-on by it."""
+"""A face is nearly edge-on to a ray if the cosine between its normal and the ray is less than this."""
 RAYS = "casting rays"
-"""What needs embreex, in a message to who hasn't got it."""
+"""Feature that needs embreex, for the message if it is not installed."""
 
 
 class MeshRays:
-    """A mesh scaled so that the longest side of its bounding box is `object_size` mm, centred on the origin.
+    """Mesh for ray casting, in millimetres and centred on the origin.
 
-    Faces are solid from both sides: neither their order nor a hole in the mesh matters.
+    Rays hit faces from both sides, so that neither the orientation of the faces nor holes in the mesh matter.
+
+    Args:
+        mesh: the mesh in its own frame and unit.
+        object_size: length in mm to which the longest side of the bounding box is scaled; None if the mesh is in mm.
+        name: name of the mesh in error messages.
 
     Raises:
         UserError: the mesh has no area, a coordinate is not finite, or the extra `[simulate]` is not installed.
@@ -34,16 +39,16 @@ class MeshRays:
         scale = 1.0 if object_size is None or extent == 0 else object_size / extent
         triangles = (corners - (low + high) / 2) * scale
         self.to_object: Float[np.ndarray, "4 4"] = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
-        """Millimetres about the centre to the mesh's own frame and unit."""
+        """Transform from this frame, in mm, to the mesh's own frame and unit."""
         self.to_object[:3, 3] = (low + high) / 2
         self.unit = scale
         """The mesh's own unit, in mm."""
         self.faces = len(faces)
-        """How many triangles it has."""
+        """Number of triangles."""
         self.size = extent * scale
         """Longest side of the bounding box, in mm."""
         self.reach = float(np.linalg.norm(high - low)) * scale
-        """Length of the bounding box's diagonal, in mm: from there on, everything is outside."""
+        """Length of the bounding box's diagonal, in mm: points farther from the mesh are outside of the box."""
 
         self._corners = triangles[:, 0].copy()
         self._edges = (triangles[:, 1:] - triangles[:, :1]).transpose(1, 0, 2).copy()
@@ -54,7 +59,7 @@ class MeshRays:
         self._normals = cross / np.where(double > 0, double, 1)[:, None]
         self._cumulated = np.cumsum(double) / double.sum()
         self._scene = imported("embreex.rtcore_scene", RAYS).EmbreeScene()
-        # A vertex that no face has may be anything.
+        # Vertices that belong to no face need not be finite.
         vertices = np.nan_to_num((vertices - (low + high) / 2) * scale, posinf=0.0, neginf=0.0)
         triangle_mesh = imported("embreex.mesh_construction", RAYS).TriangleMesh
         triangle_mesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
@@ -71,50 +76,54 @@ class MeshRays:
         across = u[:, None] * self._edges[0, faces] + v[:, None] * self._edges[1, faces]
         return self._corners[faces] + across, self._normals[faces]
 
-    def heights(self, places: Float[np.ndarray, "p 3"], axes: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
-        """How high above each place, along its axis, the object begins for who comes from far outside.
+    def heights(self, points: Float[np.ndarray, "p 3"], axes: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
+        """Compute the height of the object's surface above each point, along its axis, as seen from far outside.
 
         Args:
-            places: in mm, near the object.
+            points: points in mm near the object.
             axes: unit vectors that point away from the object.
 
         Returns:
-            Heights in mm, negative below the place, -inf where the object is not met at all.
+            Heights in mm, negative where the surface is below the point; -inf where the ray misses the object.
         """
-        return self.reach - self.depths(places + axes * self.reach, -axes)
+        return self.reach - self.depths(points + axes * self.reach, -axes)
 
     def boxes(
-        self, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"]
+        self, origin: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"]
     ) -> tuple[Float[np.ndarray, "f 3"], Float[np.ndarray, "f 3"]]:
-        """Bounds of every triangle along three axes, from a place, in mm: the lower and the upper ones.
+        """Compute the bounding box of each triangle in a given frame.
 
         Args:
-            place: in mm.
+            origin: origin of the frame, in mm.
             frame: unit axes as columns.
+
+        Returns:
+            Lower and upper bounds in mm.
         """
-        first = (self._corners - place) @ frame
+        first = (self._corners - origin) @ frame
         second, third = (first + edge @ frame for edge in self._edges)
         return np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)
 
     def depths(self, starts: Float[np.ndarray, "p 3"], directions: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
-        """How far along each ray the object begins, as a multiple of the ray's direction.
+        """Compute the depth of the first hit along each ray, as a multiple of the ray's direction.
 
         Args:
-            starts: in mm.
-            directions: of any length; with a length of 1 along an axis the depths are measured along it.
+            starts: start of each ray, in mm.
+            directions: direction of each ray, of any length. Directions whose component along an axis is 1 give depths
+                along that axis.
 
         Returns:
-            Depths, not negative but for rounding; inf where the object is not met.
+            Depths, which are negative by rounding errors at most; inf where the ray misses the object.
         """
         faces = self._scene.run(starts.astype(np.float32), np.ascontiguousarray(directions, np.float32))
         hit = np.flatnonzero(faces >= 0)
-        # `take` gathers rows several times as fast as an index in brackets.
+        # `take` gathers rows several times as fast as indexing with brackets.
         faces, along = faces.take(hit), directions.take(hit, 0)
-        # Embree is float32. The triangle's plane gives the depth in float64.
+        # Embree computes in float32; the plane of the triangle gives the depth in float64.
         corner, normals = self._corners.take(faces, 0) - starts.take(hit, 0), self._normals.take(faces, 0)
         steepness, square = _dot(normals, along), _dot(along, along)
         found = _dot(corner, normals) / np.where(np.abs(steepness) > 1e-12, steepness, 1e-12)
-        # On a wall seen nearly edge-on the plane alone may lead far off the triangle: there its corners bound it.
+        # On a nearly edge-on face the plane may give a point far off the triangle: its corners bound the depth there.
         edge_on = np.flatnonzero(steepness**2 < EDGE_ON**2 * square)
         faces, along, square = faces[edge_on], along.take(edge_on, 0), square[edge_on]
         a = _dot(corner.take(edge_on, 0), along) / square

@@ -1,4 +1,4 @@
-"""Drawing points from a surface, evenly or not; and an even part of a cloud."""
+"""Random sampling of surfaces, uniform or blue-noise, and blue-noise subsets of clouds."""
 
 import math
 
@@ -14,25 +14,27 @@ __all__ = ["poisson_points", "poisson_subset", "surface_points"]
 CANDIDATES = 5
 """Random points drawn for each blue-noise point that is kept."""
 SURPLUS = 0.005
-"""The radius of a blue-noise cloud is good enough when at most this part of its points is too many."""
+"""Relative surplus of points at which the search for the radius of a blue-noise cloud stops."""
 TRIALS = 30
-"""Radii tried for that."""
-FEW, CLOSE = 20, 0.03
-"""How far apart points are is guessed from one in so many, and known to be within this part of the guess."""
+"""Most radii that are tried."""
+SUBSAMPLE = 20
+"""The median distance of neighbours is first estimated on every 20th point."""
+TOLERANCE = 0.03
+"""Relative error of this estimate that is allowed for in computing the exact median."""
 
 
 def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
-    """Random points of a surface, uniform by area, in the mesh's frame and unit.
+    """Draw random points from a surface, uniformly by area, in the mesh's frame and unit.
 
     Raises:
         UserError: the surface has no area.
 
     Examples:
-        >>> import trimesh
-        >>> from pcsr.geometry.sampling import surface_points
-        >>> points = surface_points(trimesh.creation.box(), 100, np.random.default_rng(0))
-        >>> points.shape, float(abs(points).max())
-        ((100, 3), 0.5)
+        >>> points = surface_points(trimesh.creation.box([2, 2, 2]), 1000, np.random.default_rng(0))
+        >>> points.shape
+        (1000, 3)
+        >>> np.allclose(np.abs(points).max(axis=1), 1)
+        True
     """
     triangles = np.asarray(mesh.triangles, np.float64)
     edges = triangles[:, 1:] - triangles[:, :1]
@@ -49,17 +51,15 @@ def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
 
 
 def poisson_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
-    """Exactly `count` blue-noise points of a surface: none much nearer to another than all the rest.
+    """Draw exactly `count` blue-noise points from a surface, which keep a minimum distance from each other.
 
-    Random candidates thinned as in `poisson_subset`; in the mesh's frame and unit.
+    They are chosen from random points by `poisson_subset`, in the mesh's frame and unit.
 
     Raises:
         UserError: the surface has no area.
 
     Examples:
-        >>> import trimesh
-        >>> from pcsr.geometry.sampling import poisson_points
-        >>> poisson_points(trimesh.creation.box(), 100, np.random.default_rng(0)).shape
+        >>> poisson_points(trimesh.creation.box([2, 2, 2]), 100, np.random.default_rng(0)).shape
         (100, 3)
     """
     candidates = surface_points(mesh, CANDIDATES * count, rng)
@@ -68,10 +68,14 @@ def poisson_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
 
 
 def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.Generator) -> Int[np.ndarray, " count"]:
-    """Indices of exactly `count` points that keep about as large a distance from each other as goes.
+    """Choose exactly `count` points that keep about the largest possible distance from each other.
 
-    Dart throwing, all darts at once: a point stays if no point of higher (random) rank near it stays.
-    The radius is searched until slightly more than `count` stay; the last ranks of those go.
+    This is parallel dart throwing: every point gets a random rank, and a point is kept if no kept point of higher rank
+    lies within a radius. The radius is searched until slightly more than `count` points are kept; then the ones with
+    the lowest ranks are dropped.
+
+    Returns:
+        Indices of the chosen points.
 
     Raises:
         UserError: there are fewer than `count` points.
@@ -100,25 +104,25 @@ def poisson_subset(points: Float[np.ndarray, "n 3"], count: int, rng: np.random.
             low, kept = radius, trial
             if len(trial) <= (1 + SURPLUS) * count:
                 break
-        # On a surface the number falls with the square of the radius.
+        # On a surface the number of points falls with the square of the radius.
         guess = radius * (len(trial) / ((1 + SURPLUS / 2) * count)) ** 0.5
         radius = guess if low < guess < high else (low + high) / 2
     return kept[np.argsort(rank[kept])[:count]]
 
 
 class _Darts:
-    """Darts that are thrown at one cloud with several radii: its pairs are looked for once, at the widest."""
+    """Dart throwing on one cloud with several radii. Pairs of points are searched once, for the largest radius."""
 
     def __init__(self, points: Float[np.ndarray, "n 3"], rank: Int[np.ndarray, " n"]) -> None:
         self._tree, self._rank = cKDTree(points, balanced_tree=False), rank
         self._widest = -math.inf
 
     def throw(self, radius: float) -> Int[np.ndarray, " kept"]:
-        """The points that survive at one radius, whatever the order in which the pairs are looked at."""
+        """Return the indices of the points kept at one radius; they do not depend on the order of the pairs."""
         first, second = self._pairs(radius)
         alive = np.ones(len(self._rank), bool)
         while len(first):
-            # A point that nobody alive outranks stays, and those that it outranks go.
+            # A point without neighbours of higher rank is kept, and its neighbours are dropped.
             outranked = np.zeros(len(alive), bool)
             outranked[second] = True
             alive[second[~outranked[first]]] = False
@@ -127,43 +131,44 @@ class _Darts:
         return np.flatnonzero(alive)
 
     def likely_radius(self, count: int) -> float:
-        """About the right radius on an evenly sampled surface; elsewhere a start."""
+        """Estimate the radius at which `count` points are kept, assuming an evenly sampled surface."""
         tree = self._tree
         k = min(tree.n // count, 16)
-        wider = 1.4 * (tree.n / count / k) ** 0.5
-        typical = self._median_gap(k, wider)
-        if typical is None:
-            gap = tree.query(tree.data, k=[k + 1])[0]
-            typical = np.median(gap) or gap.mean() or np.ptp(tree.data, axis=0).max() / tree.n
-        return float(wider * typical)
+        factor = 1.4 * (tree.n / count / k) ** 0.5
+        median = self._median_distance(k, factor)
+        if median is None:
+            distance = tree.query(tree.data, k=[k + 1])[0]
+            median = np.median(distance) or distance.mean() or np.ptp(tree.data, axis=0).max() / tree.n
+        return float(factor * median)
 
-    def _median_gap(self, k: int, wider: float) -> float | None:
-        """The distance that half of the points have to their k-th neighbour, where a few tell nearly what it is.
+    def _median_distance(self, k: int, factor: float) -> float | None:
+        """Return the median distance of the points to their k-th neighbour; None if the first estimate is too far off.
 
-        Then only those are asked for theirs that may be in the middle. The pairs show which: they are looked for as
-        widely as they will be needed, `wider` times as far.
+        The median is estimated on a subsample first. The exact distance is then computed only for points whose distance
+        may be close to the estimate. The other points are sorted out by their numbers of pairs, which are searched
+        within `factor` times the estimate, as they will be needed later.
         """
         tree = self._tree
-        guess = np.median(tree.query(tree.data[::FEW], k=[k + 1])[0])
+        guess = np.median(tree.query(tree.data[::SUBSAMPLE], k=[k + 1])[0])
         if not 0 < guess < math.inf:
             return None
-        low, high = (1 - CLOSE) * guess, (1 + CLOSE) * guess
-        self._look(wider * high)
-        less, enough = (np.bincount(np.concatenate(self._pairs(at)), minlength=tree.n) >= k for at in (low, high))
-        gap = np.where(less, 0.0, math.inf)
-        middle = np.flatnonzero(enough & ~less)
-        gap[middle] = tree.query(tree.data[middle], k=[k + 1])[0][:, 0]
-        typical = float(np.median(gap))
-        return typical if low <= typical <= high else None
+        low, high = (1 - TOLERANCE) * guess, (1 + TOLERANCE) * guess
+        self._search(factor * high)
+        below, within = (np.bincount(np.concatenate(self._pairs(at)), minlength=tree.n) >= k for at in (low, high))
+        distance = np.where(below, 0.0, math.inf)
+        middle = np.flatnonzero(within & ~below)
+        distance[middle] = tree.query(tree.data[middle], k=[k + 1])[0][:, 0]
+        median = float(np.median(distance))
+        return median if low <= median <= high else None
 
     def _pairs(self, radius: float) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-        """The points of all pairs that are as near as that, those of higher rank first."""
+        """Return the indices of all pairs of points within a radius; the first of each pair has the higher rank."""
         if radius > self._widest:
-            self._look(radius)
-        near = self._squared <= radius * radius
-        return self._first[near], self._second[near]
+            self._search(radius)
+        within = self._squared <= radius * radius
+        return self._first[within], self._second[within]
 
-    def _look(self, radius: float) -> None:
+    def _search(self, radius: float) -> None:
         a, b = self._tree.query_pairs(radius, output_type="ndarray").T.copy()
         higher = self._rank[a] < self._rank[b]
         self._first, self._second = np.where(higher, a, b), np.where(higher, b, a)

@@ -12,10 +12,10 @@ from pcsr.contracts import Encoder, Fusion, Widths
 from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
-from pcsr.mistakes import explained
 from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import PartSpec, options_model
+from pcsr.validation_messages import explained
 
 
 def build_parts(

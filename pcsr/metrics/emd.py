@@ -1,4 +1,4 @@
-"""Earth mover's distance: mean distance when each point of one cloud is carried to its own of the other."""
+"""Earth mover's distance: mean distance between the points of an optimal one-to-one assignment of two clouds."""
 
 import numpy as np
 import torch
@@ -13,24 +13,33 @@ from pcsr.metrics.nearest import require_finite
 from pcsr.metrics.transport import mean_distance
 
 EXACT = 1024
-"""Up to so many points a dense solver is faster."""
+"""Largest number of points for the exact solver."""
 TOLERANCE = 1e-4
-"""Above, the value is proven to be at most this part of itself too high."""
+"""Largest relative error for larger clouds, proven for each result."""
 
 
 def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, " b"]:
-    """Mean distance (not squared) of the best one-to-one assignment; not differentiable.
+    """Compute the earth mover's distance of each pair of clouds; not differentiable.
 
-    Exact up to 1024 points. Above, proven to be at most 0.01 % above the exact value, and never below it.
+    It is the mean distance, not squared, between the points of the optimal one-to-one assignment. The value is exact
+    up to 1024 points. For larger clouds it is at most 0.01 % above the exact value, and never below.
+
+    Args:
+        prediction: predicted clouds.
+        target: true clouds of the same size.
+
+    Returns:
+        Distances in the coordinates' unit.
 
     Raises:
         UserError: the clouds differ in size, or are larger than 1024 points and the extra `[train]` is not installed.
         RunError: a cloud is empty, or a coordinate is not finite.
 
     Examples:
-        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
-        >>> pcsr.metrics.emd(prediction, target)
-        tensor([1.])
+        >>> import torch
+        >>> target = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+        >>> emd(target.flip(1) + torch.tensor([0.0, 0.0, 0.5]), target)
+        tensor([0.5000])
     """
     require_finite(prediction, target)
     check_sizes(prediction.shape[1], target.shape[1])
@@ -40,13 +49,19 @@ def emd(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> F
 
 
 def check_sizes(prediction: int, target: int) -> None:
-    """Check that clouds of so many points can be measured here.
+    """Check that `emd` can compare clouds of these sizes.
+
+    Args:
+        prediction: number of points of the predicted cloud.
+        target: number of points of the true cloud.
 
     Raises:
-        UserError: the numbers differ, or they are large and the extra `[train]` is not installed.
+        UserError: the numbers differ, or they are larger than 1024 and the extra `[train]` is not installed.
     """
     if prediction != target:
-        raise UserError(f"emd compares clouds of one size, got {prediction} and {target} points: thin one of them")
+        raise UserError(
+            f"emd compares clouds of the same size, got {prediction} and {target} points: subsample the larger one"
+        )
     if prediction > EXACT:
         require({"ot": f"emd of more than {EXACT} points"})
 

@@ -1,4 +1,4 @@
-"""Hausdorff distance in its two conventions: the textbook's, and the one that upsampling papers report."""
+"""Hausdorff distance in two conventions: that of textbooks, and that of papers on upsampling."""
 
 import torch
 from jaxtyping import Float
@@ -8,36 +8,49 @@ from pcsr.metrics.nearest import nearest_squared
 
 
 def hausdorff(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, " b"]:
-    """The greatest distance from a point of either cloud to the other cloud. Not squared.
+    """Compute the Hausdorff distance of each pair of clouds: the greatest distance from a point to the other cloud.
+
+    Args:
+        prediction: predicted clouds.
+        target: true clouds.
+
+    Returns:
+        Distances in the coordinates' unit, not squared.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
 
     Examples:
-        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
-        >>> pcsr.metrics.hausdorff(prediction, target)
-        tensor([2.])
+        >>> target = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+        >>> hausdorff(target + torch.tensor([0.0, 0.0, 0.5]), target)
+        tensor([0.5000])
     """
-    there, back = _greatest_squared(prediction, target)
-    return torch.maximum(there, back).sqrt()
+    forward, backward = _greatest_squared(prediction, target)
+    return torch.maximum(forward, backward).sqrt()
 
 
 def hausdorff_pugcn(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, " b"]:
-    """Sum of the two directions' greatest squared distances.
+    """Compute the sum of the greatest squared distances in both directions for each pair of clouds.
 
-    What the evaluation scripts of PU-GAN, PU-GCN, Dis-PU, Grad-PU and others compute under the name of
-    Hausdorff distance.
+    The evaluation scripts of PU-GAN, PU-GCN, Dis-PU, Grad-PU and others report this value as Hausdorff distance.
+
+    Args:
+        prediction: predicted clouds.
+        target: true clouds.
+
+    Returns:
+        Values in the square of the coordinates' unit.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
 
     Examples:
-        >>> prediction, target = torch.zeros(1, 2, 3), torch.tensor([[[0.0, 0, 0], [2, 0, 0]]])
-        >>> pcsr.metrics.hausdorff_pugcn(prediction, target)
-        tensor([4.])
+        >>> target = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+        >>> hausdorff_pugcn(target + torch.tensor([0.0, 0.0, 0.5]), target)
+        tensor([0.5000])
     """
-    there, back = _greatest_squared(prediction, target)
-    return there + back
+    forward, backward = _greatest_squared(prediction, target)
+    return forward + backward
 
 
 def _greatest_squared(

@@ -1,4 +1,4 @@
-"""The nearest point of one cloud for each point of another: what most metrics are made of."""
+"""Nearest points between two clouds, on which most metrics are built."""
 
 from importlib.util import find_spec
 
@@ -12,27 +12,27 @@ from pcsr.errors import RunError, UserError
 __all__ = ["nearest", "nearest_squared"]
 
 CHUNK = 1024
-"""Queries compared at once on a GPU: CHUNK × t distances are held in memory."""
+"""Source points for which the distances to all target points are in memory at once on a GPU without Triton."""
 
 
 @torch.no_grad()
 def nearest(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> Int[Tensor, "b s"]:
-    """Index of the target point nearest to each source point, exact; not differentiable.
+    """Return the index of the target point nearest to each source point; exact, not differentiable.
 
-    A k-d tree on the CPU, 100 times faster than all distances at 8192 points; elsewhere all, in chunks.
+    On the CPU this is done with k-d trees, 100 times as fast as comparing all distances at 8192 points. Other devices
+    compare all distances.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
 
     Examples:
-        >>> from pcsr.metrics.nearest import nearest
-        >>> source, target = torch.tensor([[[0.0, 0, 0], [2, 0, 0]]]), torch.tensor([[[0.0, 1, 0], [3, 0, 0]]])
-        >>> nearest(source, target)
-        tensor([[0, 1]])
+        >>> target = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+        >>> nearest(torch.tensor([[[0.9, 0.0, 0.0], [0.1, 0.0, 0.0]]]), target)
+        tensor([[1, 0]])
     """
     require_finite(source, target)
     if source.device.type == "cpu":
-        # One thread: starting more costs as much as they save, and evaluation runs several processes.
+        # Starting more threads than one costs as much as they save, and evaluation runs several processes.
         rows = [
             torch.from_numpy(cKDTree(t.double().numpy()).query(s.double().numpy(), workers=1)[1])
             for s, t in zip(source, target, strict=True)
@@ -50,34 +50,33 @@ def nearest(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> I
 
 
 def nearest_squared(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> Float[Tensor, "b s"]:
-    """Squared distance from each source point to the nearest target point; differentiable in both.
+    """Return the squared distance from each source point to the nearest target point; differentiable in both.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
 
     Examples:
-        >>> from pcsr.metrics.nearest import nearest_squared
-        >>> source, target = torch.tensor([[[0.0, 0, 0], [2, 0, 0]]]), torch.tensor([[[0.0, 3, 0], [2, 2, 0]]])
-        >>> nearest_squared(source, target)
-        tensor([[8., 4.]])
+        >>> target = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+        >>> nearest_squared(torch.tensor([[[1.0, 0.0, 2.0], [0.0, 0.0, 0.0]]]), target)
+        tensor([[4., 0.]])
     """
-    index = nearest(source, target)  # which point is nearest does not change under a small step: no gradient
-    met = target.gather(1, index.unsqueeze(-1).expand(-1, -1, 3))
-    return torch.sum((source - met).square(), dim=-1)
+    index = nearest(source, target)  # constant under small steps, so that it needs no gradient
+    matched = target.gather(1, index.unsqueeze(-1).expand(-1, -1, 3))
+    return torch.sum((source - matched).square(), dim=-1)
 
 
 def require_finite(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b t 3"]) -> None:
-    """Stop where a tree would hang or an average would turn into nan.
+    """Check that two batches of clouds can be compared.
 
     Raises:
-        UserError: they are no two batches of as many clouds.
+        UserError: the shapes are not (b n 3) and (b m 3) with the same b.
         RunError: a cloud is empty, or a coordinate is not finite.
     """
     shapes = (tuple(prediction.shape), tuple(target.shape))
     if any(len(shape) != 3 or shape[2] != 3 for shape in shapes) or shapes[0][0] != shapes[1][0]:
         raise UserError(
-            f"metrics compare two batches of as many clouds, (b n 3) and (b m 3), got {shapes[0]} and {shapes[1]}: "
-            f"of single clouds make batches of one with [None]"
+            f"metrics compare two batches with the same number of clouds, (b n 3) and (b m 3), got {shapes[0]} and "
+            f"{shapes[1]}: turn a single cloud into a batch of one with [None]"
         )
     for name, cloud in (("first", prediction), ("second", target)):
         if cloud.shape[1] == 0:

@@ -1,7 +1,7 @@
-"""The nearest point on a GPU, in a kernel that keeps the least distance so far: no distance is written to memory.
+"""Nearest points on a GPU: a Triton kernel that keeps the smallest distance so far and writes no distances to memory.
 
-All distances of 32 pairs of clouds of 16,384 and 8192 points are 17 GB; to write and read them takes far longer than
-to work them out. Triton comes with torch for CUDA.
+The distances between 32 pairs of clouds of 16,384 and 8192 points take 17 GB. Writing and reading them takes far longer
+than computing them. Triton is installed with torch for CUDA.
 """
 
 from typing import no_type_check
@@ -13,11 +13,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 QUERIES, TARGETS = 32, 256
-"""Of which a program holds the distances at one time."""
+"""Block sizes: numbers of source and target points whose distances one Triton program holds at a time."""
 
 
 def nearest_cuda(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"]) -> Int[Tensor, "b s"]:
-    """Index of the target point nearest to each source point; of equally near ones the first."""
+    """Return the index of the target point nearest to each source point, the first among equally near ones."""
     b, s, t = len(source), source.shape[1], target.shape[1]
     index = torch.zeros(b, s, dtype=torch.int64, device=source.device)
     grid = (triton.cdiv(s, QUERIES), b)
@@ -27,7 +27,7 @@ def nearest_cuda(source: Float[Tensor, "b s 3"], target: Float[Tensor, "b t 3"])
 
 
 @triton.jit
-@no_type_check  # whatever checks types while tests run would hide the source that is compiled
+@no_type_check  # the wrapper of a type checker at run time would hide the source that Triton compiles
 def _nearest(source, target, index, s, t, queries: tl.constexpr, targets: tl.constexpr):  # noqa: ANN001, ANN202
     row = tl.program_id(0) * queries + tl.arange(0, queries)
     batch = tl.program_id(1).to(tl.int64)

@@ -1,4 +1,4 @@
-"""Metrics of one cloud against the true cloud, in a frame that the caller names."""
+"""Evaluation of one cloud: all metrics by name, in a frame of choice."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,34 +16,39 @@ from pcsr.metrics.emd import check_sizes
 from pcsr.threads import threads
 
 LARGEST, SMALLEST = 1e150, 1e-150
-"""Largest and smallest coordinate whose square fits a double."""
-UNCHANGED = UnitSphere(np.zeros(3), 1.0)
+"""Range of coordinates whose squares neither overflow nor underflow in double precision."""
+IDENTITY = UnitSphere(np.zeros(3), 1.0)
+"""Frame that leaves coordinates unchanged."""
 
 
 def evaluate(
     prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | str | None = None
 ) -> dict[str, float]:
-    """Compute the metrics of a cloud, unscaled, by their names.
+    """Evaluate a predicted cloud against the true one.
 
     Args:
-        prediction: the cloud to measure, of any type that `Model.upsample` accepts.
-        truth: the true cloud.
-        mesh: the true surface (trimesh, or vertices and faces), for the metrics that need it.
-        frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
-            cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
-        metrics: names of metrics; by default all that can be computed: `p2f` with a mesh, `emd` of clouds of one size,
-            which above 1024 points needs the extra `[train]`.
+        prediction: the predicted cloud, of any type that `Model.upsample` accepts.
+        truth: the true cloud, of any such type.
+        mesh: the true surface for metrics that need it: a trimesh, or a pair of vertices (v, 3) and faces (f, 3).
+        frame: normalisation of the coordinates. "truth" scales everything by the unit sphere of the true cloud, as in
+            pcsr's tables. "each" scales each cloud by its own unit sphere, as in most published tables; `p2f` then
+            stays in the mesh's unit. "none" leaves coordinates unchanged.
+        metrics: names of metrics. By default all that are possible: `p2f` needs a mesh, and `emd` needs clouds of the
+            same size and, above 1024 points, the extra `[train]`.
+
+    Returns:
+        Value of each metric by its name, not multiplied by `Metric.scale`.
 
     Raises:
-        UserError: an unknown name or frame, a metric that cannot be measured, points that are not finite, or clouds of
-            such different sizes that doubles do not hold the square of their distance.
+        UserError: a name or the frame is unknown, a metric is not possible, a point is not finite, or the coordinates
+            are so large or small that their squares overflow or vanish in double precision.
 
     Examples:
-        >>> prediction, truth = np.random.default_rng(0).normal(size=(2, 100, 3))
-        >>> {name: round(value, 3) for name, value in pcsr.evaluate(prediction, truth).items()}
-        {'cd': 0.046, 'hd': 0.479, 'hd-pugcn': 0.46, 'emd': 0.165}
-        >>> round(pcsr.evaluate(prediction, truth, frame="none", metrics="cd")["cd"], 3)
-        0.75
+        >>> truth = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+        >>> evaluate(truth + [0.0, 0.0, 0.5], truth, metrics=["cd", "hd"])
+        {'cd': 0.5, 'hd': 0.5}
+        >>> evaluate(truth, truth)
+        {'cd': 0.0, 'hd': 0.0, 'hd-pugcn': 0.0, 'emd': 0.0}
     """
     clouds = [_finite(convert(cloud).points, which) for cloud, which in ((prediction, "prediction"), (truth, "truth"))]
     frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
@@ -56,7 +61,7 @@ def evaluate(
         metrics = [
             name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and name not in left_out
         ]
-    spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [UNCHANGED] * 2
+    spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [IDENTITY] * 2
     scaled = [_scaled(cloud, sphere, frame) for cloud, sphere in zip(clouds, spheres, strict=True)]
     tensors = [torch.from_numpy(cloud)[None] for cloud in scaled]
     values = {}
@@ -66,10 +71,8 @@ def evaluate(
                 raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
             metric = METRICS[name]
             if metric.needs_mesh and frame == "each":
-                _scaled(surface[0] if surface else clouds[0], UNCHANGED, "none")
-                values[name] = metric(
-                    torch.from_numpy(_scaled(clouds[0], UNCHANGED, "none"))[None], tensors[1], surface
-                )
+                _scaled(surface[0] if surface else clouds[0], IDENTITY, "none")
+                values[name] = metric(torch.from_numpy(_scaled(clouds[0], IDENTITY, "none"))[None], tensors[1], surface)
             elif metric.needs_mesh and surface is not None:
                 values[name] = metric(tensors[0], tensors[1], (_scaled(surface[0], spheres[1], frame), surface[1]))
             else:
@@ -78,7 +81,7 @@ def evaluate(
 
 
 def why_no_emd(prediction: int, truth: int) -> str:
-    """Reason why `evaluate` leaves out the earth mover's distance by default; empty where it is computed.
+    """Explain why `evaluate` leaves out the earth mover's distance by default; empty if it does not.
 
     Args:
         prediction: number of points of the cloud.
@@ -103,19 +106,19 @@ def _finite(cloud: Float[np.ndarray, "n 3"], which: str) -> Float[np.ndarray, "n
 
 
 def _scaled(cloud: Float[np.ndarray, "n 3"], sphere: UnitSphere, frame: str) -> Float[np.ndarray, "n 3"]:
-    """Cloud in the frame of a sphere.
+    """Transform a cloud into the frame of a sphere.
 
     Raises:
-        UserError: the square of a coordinate does not fit a double.
+        UserError: the squares of the coordinates overflow or vanish in double precision.
     """
     with np.errstate(over="ignore", under="ignore"):
         inside: Float[np.ndarray, "n 3"] = (cloud - sphere.centre) / sphere.radius
     largest = float(np.abs(inside).max())
     if largest > LARGEST or (frame == "none" and 0 < largest < SMALLEST):
         raise UserError(
-            f"in the frame '{frame}' coordinates reach {largest:.4g}, and doubles hold the squares of those between "
-            f"{SMALLEST:g} and {LARGEST:g}: "
-            + ("take the frame 'truth', or another unit" if frame == "none" else "are the clouds in one unit?")
+            f"in the frame '{frame}' coordinates reach {largest:.4g}, and double precision holds the squares of those "
+            f"between {SMALLEST:g} and {LARGEST:g}: "
+            + ("use the frame 'truth', or another unit" if frame == "none" else "give both clouds in the same unit")
         )
     return inside
 
@@ -132,9 +135,9 @@ def _surface(mesh: Any) -> Mesh | None:
         raise UserError(f"a mesh is vertices (v, 3) and faces (f, 3), got {arrays[0].shape} and {arrays[1].shape}")
     if arrays[0].dtype.kind not in "iuf" or arrays[1].dtype.kind not in "iu":
         raise UserError(
-            f"a mesh is vertices of real numbers and faces of whole ones, got {arrays[0].dtype} and {arrays[1].dtype}"
+            f"a mesh needs vertices of real numbers and faces of integers, got {arrays[0].dtype} and {arrays[1].dtype}"
         )
     check_faces(arrays[1], len(arrays[0]), "the mesh")
     if not np.isfinite(arrays[0]).all():
-        raise UserError("the mesh has vertices that are not finite: mend it")
+        raise UserError("the mesh has vertices that are not finite: repair it")
     return arrays[0].astype(np.float64), arrays[1].astype(np.int64)

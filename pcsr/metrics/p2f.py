@@ -1,4 +1,4 @@
-"""Point to face: how far predicted points lie from the true surface (PU-GAN's P2F)."""
+"""Point-to-face distance: distances of predicted points to the true surface (P2F of PU-GAN)."""
 
 from collections.abc import Iterator
 
@@ -9,31 +9,41 @@ from scipy.spatial import cKDTree
 from pcsr.errors import RunError, UserError
 
 BLOCK = 2048
-"""Points that are looked up at once, to bound the memory."""
+"""Points that are looked up at once. It bounds the memory."""
 PAIRS = 1 << 18
-"""Pairs of a point and a candidate piece that are looked at at once, for the same reason."""
+"""Approximate number of pairs of a point and a candidate triangle that are compared at once. It bounds the memory."""
 PIECES = 1 << 17
-"""Long triangles are cut until there are about so many pieces, or none is long any more."""
+"""Number of triangles at which the subdivision of long triangles stops."""
 GROUPS = 6
-"""Groups of pieces of like size, each with a search radius of its own."""
+"""Number of groups of triangles of similar size, each with its own k-d tree and search radius."""
 
 
 def point_to_surface(
     points: Float[np.ndarray, "n 3"], vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Distance of each point to the nearest triangle, not squared, in the unit of the coordinates. Exact.
+    """Compute the exact distance of each point to the nearest triangle of a mesh.
 
-    A triangle can be the nearest only if its bounding sphere comes as near as some corner does; a k-d tree
-    of the spheres' centres finds those. Long triangles are cut first: their spheres enclose everything.
+    A triangle can only be the nearest if its bounding sphere is no farther than the nearest corner of the mesh. k-d
+    trees of the spheres' centres find these triangles. Long triangles are subdivided first, since their spheres would
+    contain most of the cloud.
+
+    Args:
+        points: the predicted cloud.
+        vertices: vertices of the mesh, in the frame of the cloud.
+        faces: indices of the corners of each triangle.
+
+    Returns:
+        Distances in the coordinates' unit, not squared.
 
     Raises:
         UserError: the mesh has no faces.
         RunError: a coordinate is not finite.
 
     Examples:
-        >>> vertices, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
-        >>> pcsr.metrics.point_to_surface(np.array([[0.2, 0.2, 0.5]]), vertices, faces).round(3)
-        array([0.5])
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> faces = np.array([[0, 1, 2]])
+        >>> point_to_surface(np.array([[0.25, 0.25, 0.5], [0.0, 3.0, 0.0]]), vertices, faces)
+        array([0.5, 2. ])
     """
     if len(faces) == 0:
         raise UserError("p2f: the true mesh has no faces: give a mesh, or leave the metric out")
@@ -55,14 +65,14 @@ def point_to_surface(
         distance, corner = corners.query(block)
         best = np.minimum(distance, _to_triangle(block, triangles[corner // 3]))
         for group, tree in zip(groups, trees, strict=True):
-            # A little more than the bound, so that rounding excludes nothing.
+            # Slightly larger than the bound, so that rounding errors exclude nothing.
             reach = (best + radius[group].max()) * (1 + 1e-9)
             for point, member in _within(tree, block, reach):
                 piece = group[member]
-                # A triangle is no nearer than its plane. That spares a cloud on one spot all triangles.
+                # A triangle is no nearer than its plane. This excludes most triangles where all points coincide.
                 height = np.abs(np.einsum("nj,nj->n", block[point] - triangles[piece, 0], normal[piece]))
-                near = height <= best[point] + 1e-9 * reach[point]
-                point, piece = point[near], piece[near]
+                close = height <= best[point] + 1e-9 * reach[point]
+                point, piece = point[close], piece[close]
                 np.minimum.at(best, point, _to_triangle(block[point], triangles[piece]))
         nearest[start : start + BLOCK] = best
     return nearest
@@ -71,7 +81,7 @@ def point_to_surface(
 def _within(
     tree: cKDTree, block: Float[np.ndarray, "n 3"], reach: Float[np.ndarray, " n"]
 ) -> Iterator[tuple[Int[np.ndarray, " r"], Int[np.ndarray, " r"]]]:
-    """Every pair of a point and a centre within its reach, in parts of about PAIRS."""
+    """Yield all pairs of a point and a centre within the point's reach, about `PAIRS` at a time."""
     count = tree.query_ball_point(block, reach, return_length=True)
     part = (np.cumsum(count) - 1) // PAIRS
     for rows in np.split(np.arange(len(block)), np.flatnonzero(np.diff(part)) + 1):
@@ -82,13 +92,16 @@ def _within(
 def _spheres(
     triangles: Float[np.ndarray, "f 3 3"],
 ) -> tuple[Float[np.ndarray, "f 3"], Float[np.ndarray, " f"]]:
-    """A sphere around each triangle: its centroid and the farthest corner."""
+    """Return centres and radii of bounding spheres of triangles, centred on their centroids."""
     centre = triangles.mean(1)
     return centre, np.linalg.norm(triangles - centre[:, None], axis=2).max(1)
 
 
 def _unit_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
-    """Zero for a thin triangle, whose normal is not exact enough: then its plane excludes nothing."""
+    """Return unit normals of triangles.
+
+    The normal of a thin triangle is not exact enough to exclude it by its plane, and is returned as zero.
+    """
     edges = np.roll(triangles, -1, 1) - triangles
     normal = np.cross(edges[:, 0], edges[:, 1])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -98,9 +111,10 @@ def _unit_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f
 
 
 def _cut(triangles: Float[np.ndarray, "f 3 3"], count: int) -> Float[np.ndarray, "pieces 3 3"]:
-    """The same surface with long triangles halved across their longest edge, again and again.
+    """Bisect long triangles at their longest edges until none is long or there are `PIECES`.
 
-    A piece is small enough once it is twice the size of the patch that one of `count` even points stands for.
+    A triangle is long if the radius of its bounding sphere is more than twice the square root of the area per point of
+    `count` evenly spaced points.
     """
     edges = triangles[:, 1:] - triangles[:, :1]
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2
@@ -120,7 +134,7 @@ def _cut(triangles: Float[np.ndarray, "f 3 3"], count: int) -> Float[np.ndarray,
 
 
 def _to_triangle(p: Float[np.ndarray, "n 3"], t: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
-    """Distance of each point to its own triangle: to the plane if it is above the inside, else to an edge."""
+    """Return the distance of each point to its triangle: to the plane if it projects inside, else to the edges."""
     edges = np.roll(t, -1, 1) - t
     to_p = p[:, None] - t
     length = np.einsum("nij,nij->ni", edges, edges)
@@ -128,7 +142,7 @@ def _to_triangle(p: Float[np.ndarray, "n 3"], t: Float[np.ndarray, "n 3 3"]) -> 
     to_edge = np.linalg.norm(to_p - along[..., None] * edges, axis=2).min(1)
     normal = np.cross(edges[:, 0], edges[:, 1])
     size = np.linalg.norm(normal, axis=1)
-    wide = size > 1e-12 * length.max(1)  # a thinner triangle's normal is noise, and its edges are all of it
+    wide = size > 1e-12 * length.max(1)  # the normal of a thinner triangle is noise, and its edges are all of it
     sides = np.einsum("nij,nj->ni", np.cross(edges, to_p), normal)
     inside = wide & (sides >= 0).all(1)
     height = np.abs(np.einsum("nj,nj->n", to_p[:, 0], normal)) / np.where(wide, size, 1)

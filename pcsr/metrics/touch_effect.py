@@ -57,11 +57,23 @@ class TouchEffect(BaseModel):
 
 
 def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Sequence[float]) -> float | None:
-    """(plain - touched) / (plain - replaced), of the means over objects; None where the region holds no error to take.
+    """Compute the touch efficiency (plain - touched) / (plain - replaced) from means over objects.
 
-    0: touch changes nothing; below 0: it harms. A perfect fresh sampling of the region stays below 1
-    (`replace_region`); touches that help beyond the region may exceed it. The ratio is of means, not the mean of
-    ratios: an object with next to no error in its region would decide that.
+    0 means that touch changes nothing, and a negative value that it harms. A perfect new sampling of the touched region
+    stays below 1 (`replace_region`). Values above 1 are possible where touch helps beyond the region. The value is a
+    ratio of means, since objects with almost no error in the region would dominate a mean of ratios.
+
+    Args:
+        touched: Chamfer distance of each object with touches.
+        plain: Chamfer distance of each object without touches.
+        replaced: Chamfer distance of each object after `replace_region`.
+
+    Returns:
+        The efficiency; None where the touched region holds no error.
+
+    Examples:
+        >>> efficiency(touched=[0.75, 1.25], plain=[1.0, 2.0], replaced=[0.5, 1.0])
+        0.6666666666666666
     """
     possible = math.fsum(plain) - math.fsum(replaced)
     return (math.fsum(plain) - math.fsum(touched)) / possible if possible > 0 else None
@@ -70,11 +82,19 @@ def efficiency(touched: Sequence[float], plain: Sequence[float], replaced: Seque
 def replace_region(
     dense: Float[Tensor, "p 3"], truth: Float[Tensor, "t 3"], region: Bool[Tensor, " t"]
 ) -> Float[Tensor, "_ 3"]:
-    """Replace the points of a cloud in the touched region by those of the truth.
+    """Replace the points of a cloud in the touched region by those of the true cloud.
 
-    A point of the cloud belongs to the region if its nearest point of the truth does. The replaced region has no error,
-    which no other sampling of the surface has: even a perfect fresh sampling has a touch efficiency below 1, by the
-    ratio of its error to that of the network in the region. The number of points may change.
+    A point of the cloud belongs to the region if its nearest point of the truth was touched. These points are removed,
+    and the touched points of the truth are added, so that the number of points may change.
+
+    The replaced region has no error at all, whereas even a perfect new sampling of the surface has some. The touch
+    efficiency of such a sampling is therefore below 1, by the ratio of its error to the network's error in the region:
+    by little if the network was far off, by much if it was already close.
+
+    Args:
+        dense: the cloud.
+        truth: the true cloud.
+        region: mask of the points of the truth that were touched.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
@@ -84,7 +104,7 @@ def replace_region(
 
 
 def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) -> Int[Tensor, " t"]:
-    """For each point of the truth the bin of `EDGES` that its distance to the nearest touched point falls into.
+    """Return the bin of `EDGES` for the distance of each point of the truth to the nearest touched point.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
@@ -103,23 +123,25 @@ def touch_effect(
     name: str,
     seconds: float,
 ) -> TouchEffect:
-    """Measure the effect on one network.
+    """Measure the effect of touch on one network.
+
+    All clouds are in the unit sphere of the true cloud, one for each object.
 
     Args:
-        truth: of each object, in the unit sphere; so are all the others.
-        touches: the touched points of each object, at least one.
-        regions: the points of each truth that belong to the touched region.
-        touched: what the network makes with the touches.
-        plain: what it makes without.
-        others: clouds of baselines by name, for the errors by distance.
-        name: the network's.
-        seconds: what a cloud without touches took.
+        truth: true clouds.
+        touches: touched points of each object, at least one.
+        regions: for each true cloud, mask of its points that were touched.
+        touched: dense clouds of the network with touches.
+        plain: dense clouds of the network without touches.
+        others: dense clouds of baselines by name, for the errors by distance.
+        name: name of the network.
+        seconds: wall time for a cloud without touches.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
     """
-    replaced = [replace_region(*of_object) for of_object in zip(plain, truth, regions, strict=True)]
-    bins = torch.cat([distance_bins(*of_object) for of_object in zip(truth, touches, strict=True)])
+    replaced = [replace_region(*clouds) for clouds in zip(plain, truth, regions, strict=True)]
+    bins = torch.cat([distance_bins(*clouds) for clouds in zip(truth, touches, strict=True)])
     counts = torch.bincount(bins, minlength=len(EDGES))
     errors: dict[str, list[float | None]] = {}
     for label, clouds in {name: touched, f"{name} without touch": plain, **others}.items():

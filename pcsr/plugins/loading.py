@@ -18,11 +18,11 @@ from typing import Any
 import pluggy
 
 from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
-from pcsr.mistakes import shown_path
 from pcsr.plugins import hookspecs, renamed
 from pcsr.plugins.code import GROUP, python_files
 from pcsr.plugins.guard import guarded_import
 from pcsr.plugins.registry import FILE, Failure, Register, Registry
+from pcsr.validation_messages import shown_path
 
 LARGEST = 1 << 24
 """Bytes of a plugin file; Python reads it whole."""

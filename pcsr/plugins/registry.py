@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import LONGEST, shortened, shown
 from pcsr.plugins import renamed
 from pcsr.plugins.code import distribution_code, file_code, python_files
 from pcsr.plugins.guard import guarded_import
+from pcsr.validation_messages import LONGEST, shortened, shown
 
 KINDS = {
     "encoder": "Encoder",

@@ -8,13 +8,13 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import explained, shown
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import MODEL, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
+from pcsr.validation_messages import explained, shown
 
 Locate = Callable[[Keys, bool], Place]
 """Where a value stands, or the key of one."""

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError
-from pcsr.mistakes import shortened, shown, shown_path
 from pcsr.recipe.matrix import add_axis, count_runs, expand, varied
 from pcsr.recipe.merge import assign, assign_dotted, merge, normalize
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
+from pcsr.validation_messages import shortened, shown, shown_path
 
 MOST_RUNS = 1_000
 """Runs that one command composes: rows of a matrix, recipes of a study, and both together."""

@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from pcsr.mistakes import shown
 from pcsr.recipe.merge import assign, assign_dotted
 from pcsr.recipe.old_names import modern_key
 from pcsr.recipe.schema import NAME
 from pcsr.recipe.source import Keys, Mistake, Place, Source
+from pcsr.validation_messages import shown
 
 LONGEST_LABEL = 60
 """Characters that a value of a matrix adds to the name of its run."""

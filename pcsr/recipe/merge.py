@@ -3,11 +3,11 @@
 import copy
 from typing import Any
 
-from pcsr.mistakes import shown
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import DEFAULTS
 from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, Source
+from pcsr.validation_messages import shown
 
 
 def normalize(source: Source) -> Source:

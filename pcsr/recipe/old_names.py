@@ -9,10 +9,10 @@ import warnings
 from typing import Any
 
 from pcsr.errors import PcsrWarning
-from pcsr.mistakes import shortened
 from pcsr.plugins import renamed
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys, Source
+from pcsr.validation_messages import shortened
 
 KEYS: dict[Keys, str] = {
     ("train", "rate"): "learning_rate",

@@ -13,7 +13,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pcsr.errors import UserError
-from pcsr.mistakes import shown
+from pcsr.validation_messages import shown
 
 Keys = tuple[str | int, ...]
 """The way to a value: ("model", "encoder", "channels")."""

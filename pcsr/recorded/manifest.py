@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import explained
+from pcsr.validation_messages import explained
 
 Model = TypeVar("Model", bound=BaseModel)
 MISTAKES = 20

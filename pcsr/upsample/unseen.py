@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from pcsr.geometry.anchoring import first_apart
+from pcsr.geometry.anchoring import spread_prefix
 from pcsr.geometry.farthest import farthest_points
 from pcsr.upsample.gaps import REACH, spacing
 
@@ -44,7 +44,7 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
     apart, count = EVEN * float(np.median(own)), FIRST  # the nearest are at a border, and sparser than the rest
     while True:  # a recording may hold a million points, of which a few hundred are kept
         ordered: Cloud = felt[farthest_points(felt, min(count, len(felt)))]
-        kept = first_apart(ordered, apart)
+        kept = spread_prefix(ordered, apart)
         if kept < len(ordered) or kept == len(felt):
             break
         count *= 4

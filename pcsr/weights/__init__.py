@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import shown, shown_path
+from pcsr.validation_messages import shown, shown_path
 
 DEFAULT = "frames"
 """What is used where no model is named."""

@@ -149,9 +149,9 @@ def test_neither_columns_nor_new_points_need_be_there():
 @pytest.mark.parametrize(
     ("columns", "old", "k", "reason"),
     [
-        ({"label": np.arange(3)}, np.eye(3), 0, "k is 0, at least 1"),
+        ({"label": np.arange(3)}, np.eye(3), 0, "k is 0, it must be 1 or more"),
         ({"label": np.arange(2)}, np.eye(3), 3, "column 'label' has 2 rows for 3 points"),
-        ({}, np.zeros((0, 3)), 3, "holds no points"),
+        ({}, np.zeros((0, 3)), 3, "the cloud that they belong to has no points"),
     ],
 )
 def test_what_cannot_be_carried_is_named(columns, old, k, reason):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr.clouds.touch import Touch, coverage
+from pcsr.clouds.touch import Touch, covered_area_share
 from pcsr.errors import UserError
 
 
@@ -63,7 +63,7 @@ def test_fingers_without_poses_or_areas_stay_apart():
 
 @pytest.mark.parametrize(("units", "shown"), [([], r"\[\]"), ([1.0, 1000.0], r"\[1.0, 1000.0\]")])
 def test_fingers_in_several_units_are_refused(units, shown):
-    with pytest.raises(UserError, match=f"the fingers of a grasp need one unit, got {shown} mm"):
+    with pytest.raises(UserError, match=f"the fingers of a grasp need the same unit, got {shown} mm"):
         Touch.grasp([felt(2, unit=unit) for unit in units])
 
 
@@ -87,7 +87,7 @@ def test_thinned_is_random_and_repeatable():
 
 
 def test_a_touch_of_nothing_cannot_be_thinned():
-    with pytest.raises(UserError, match="a touch by 'pad' felt no points"):
+    with pytest.raises(UserError, match="a touch by 'pad' has no points"):
         felt(0).resampled(4, np.random.default_rng(0))
 
 
@@ -99,7 +99,9 @@ def test_a_touch_of_nothing_cannot_be_thinned():
 def test_coverage_is_the_area_of_the_union(corners, union, scale):
     touches = [square(x, scale=scale, seed=index) for index, x in enumerate(corners)]
     # The edge of each overlap is off by about half a millimetre.
-    assert coverage(touches, 1000 * scale**2) == pytest.approx(union / 1000, abs=0.008 * max(1, len(corners) - 1))
+    assert covered_area_share(touches, 1000 * scale**2) == pytest.approx(
+        union / 1000, abs=0.008 * max(1, len(corners) - 1)
+    )
 
 
 def test_coverage_is_that_of_every_pair_looked_at():
@@ -119,20 +121,20 @@ def test_coverage_is_that_of_every_pair_looked_at():
             new &= (distances >= reach).all(1)
         total += touch.contact_area / 4 * new.mean()
     assert total < 0.9 * sum(touch.contact_area / 4 for touch in touches), "some must overlap"
-    assert coverage(touches, 5000.0) == pytest.approx(total / 5000, rel=1e-12)
+    assert covered_area_share(touches, 5000.0) == pytest.approx(total / 5000, rel=1e-12)
 
 
 def test_coverage_of_many_touches_does_not_look_at_every_pair():
     touches = [square(index % 50, count=64, seed=index) for index in range(2000)]
     start = time.perf_counter()
-    assert 0 < coverage(touches, 1000.0) < 0.6
+    assert 0 < covered_area_share(touches, 1000.0) < 0.6
     assert time.perf_counter() - start < 10, "two million pairs take minutes"
 
 
 def test_coverage_never_exceeds_the_whole():
-    assert coverage([square(0), square(50)], 120.0) == 1.0
+    assert covered_area_share([square(0), square(50)], 120.0) == 1.0
 
 
 def test_coverage_needs_the_area_of_every_touch():
     with pytest.raises(UserError, match="the contact area of touch 1 by 'pad' is not known"):
-        coverage([square(0), felt(5)], 120.0)
+        covered_area_share([square(0), felt(5)], 120.0)

@@ -19,7 +19,7 @@ from pcsr.metrics import METRICS, Metric
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.threads import EACH
+from pcsr.threads import WORK_PER_THREAD
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = [
@@ -111,7 +111,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
     slow, before = Slow([0.6, 0.01, 0.02]), torch.get_num_threads()
     torch.set_num_threads(3)
     try:
-        large = Method("ours", 2 * EACH // recipe.data.points + 1, slow)
+        large = Method("ours", 2 * WORK_PER_THREAD // recipe.data.points + 1, slow)
         small = Method("other", 5, lambda points, touches: np.repeat(points, 4, axis=0))
         made = evaluate(recipe, registry, [large, small], split, jobs=1)
         assert torch.get_num_threads() == 3

@@ -64,7 +64,7 @@ def two_threads():
 
 @pytest.mark.slow
 def test_a_training_goes_on_with_the_threads_that_it_began_with(two_threads, recipe, tmp_path, monkeypatch):
-    monkeypatch.setattr("pcsr.threads.EACH", 1)
+    monkeypatch.setattr("pcsr.threads.WORK_PER_THREAD", 1)
     whole = trained(recipe, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
         trained(recipe, tmp_path / "stopped", shown=stop_at(5), checkpoint_every=0.0)
@@ -77,7 +77,7 @@ def test_a_training_goes_on_with_the_threads_that_it_began_with(two_threads, rec
 
 
 def test_a_training_goes_on_with_fewer_threads_where_there_are_no_more(two_threads, recipe, tmp_path, monkeypatch):
-    monkeypatch.setattr("pcsr.threads.EACH", 1)
+    monkeypatch.setattr("pcsr.threads.WORK_PER_THREAD", 1)
     with pytest.raises(KeyboardInterrupt):
         trained(recipe, tmp_path / "run", shown=stop_at(5), checkpoint_every=0.0)
     torch.set_num_threads(1)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from pcsr import UserError
-from pcsr.geometry.anchoring import APART, CLEAR, even_subset, spacing
+from pcsr.geometry.anchoring import CLEARANCE, TOUCHED_SPACING, even_subset, subset_spacing
 from pcsr.geometry.farthest import farthest_points
 
 
@@ -36,13 +36,15 @@ def slow_spacing(points, count):
 def slow_left(points, count, touched):
     """Touched points that keep apart, as long as they do, and the guessed ones that are no touched one's neighbour."""
     guessed = range(touched, len(points))
-    gap = spacing(points[touched:], count)
+    gap = subset_spacing(points[touched:], count)
     felt = []
     for i in farthest_points(points[:touched], touched).tolist():
-        if any(np.linalg.norm(points[i] - points[j]) < APART * gap for j in felt) and len(felt) >= count - len(guessed):
+        if any(np.linalg.norm(points[i] - points[j]) < TOUCHED_SPACING * gap for j in felt) and len(
+            felt
+        ) >= count - len(guessed):
             break
         felt.append(i)
-    clear = [i for i in guessed if min(np.linalg.norm(points[i] - p) for p in points[:touched]) >= CLEAR * gap]
+    clear = [i for i in guessed if min(np.linalg.norm(points[i] - p) for p in points[:touched]) >= CLEARANCE * gap]
     return [*felt, *clear]
 
 
@@ -51,7 +53,7 @@ def slow_left(points, count, touched):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_spacing_is_about_that_of_the_points_themselves(surface, made, kept, seed):
     points = surface(np.random.default_rng(seed), made)
-    assert spacing(points, kept) == pytest.approx(slow_spacing(points, kept), rel=0.25)
+    assert subset_spacing(points, kept) == pytest.approx(slow_spacing(points, kept), rel=0.25)
 
 
 @given(seed=st.integers(0, 1000), scale=st.floats(1e-2, 1e2))
@@ -59,8 +61,8 @@ def test_the_spacing_is_about_that_of_the_points_themselves(surface, made, kept,
 def test_the_spacing_has_the_unit_of_the_points_and_does_not_depend_on_their_order(seed, scale):
     rng = np.random.default_rng(seed)
     points = sphere(rng, 300)
-    assert spacing(rng.permutation(points), 150) == spacing(points, 150)
-    assert spacing(scale * points, 150) == pytest.approx(scale * spacing(points, 150), rel=1e-3)
+    assert subset_spacing(rng.permutation(points), 150) == subset_spacing(points, 150)
+    assert subset_spacing(scale * points, 150) == pytest.approx(scale * subset_spacing(points, 150), rel=1e-3)
 
 
 @given(seed=st.integers(0, 1000), count=st.integers(1, 80), touched=st.integers(0, 60))
@@ -88,7 +90,7 @@ def test_a_touched_region_consists_of_touched_points_and_is_no_denser_than_the_r
     points = np.concatenate([patch(rng, touched), square(rng, 4800)])
     kept = even_subset(points, count, touched)
     felt, guessed = points[kept[kept < touched]], points[kept[kept >= touched]]
-    gap = CLEAR * spacing(points[touched:], count)
+    gap = CLEARANCE * subset_spacing(points[touched:], count)
     assert cKDTree(points[:touched]).query(guessed)[0].min() >= gap
     assert not (np.abs(guessed) < 0.35 - gap).all(1).any()
     inside = len(felt) / 0.7**2

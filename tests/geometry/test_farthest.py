@@ -33,7 +33,13 @@ def farthest_slowly(points, count, start):
 def in_rounds(points, count, start=None, alone=1, most=1024, share=0.97, fan=16):
     """As for a large cloud, whatever its size."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"SMALL": 0, "ALONE": alone, "MOST": most, "ROUND": share, "FAN": fan}.items():
+        for name, value in {
+            "PLAIN_SIZE": 0,
+            "PLAIN_STEPS": alone,
+            "ROUND_SIZE": most,
+            "ROUND_SHARE": share,
+            "BOX_SIZE": fan,
+        }.items():
             patch.setattr(farthest, name, value)
         return farthest_points(points, count, start)
 
@@ -84,7 +90,7 @@ def test_a_large_cloud_is_taken_in_rounds_with_the_same_result(lattice, monkeypa
     if lattice:
         points = (points * 40).round()
     ours = farthest_points(points, 3000, start=7)
-    monkeypatch.setattr(farthest, "SMALL", len(points))
+    monkeypatch.setattr(farthest, "PLAIN_SIZE", len(points))
     assert np.array_equal(ours, farthest_points(points, 3000, start=7))
 
 

@@ -64,7 +64,7 @@ def test_points_that_coincide_are_enough_candidates():
     [
         (9, 0.5, 1, "rate is 0.5"),
         (9, 4, 0, "passes 0"),
-        (7, 4, 1, "7 points have no 8 neighbours"),
+        (7, 4, 1, "7 points are fewer than the 8 neighbours"),
         (0, 4, 1, "0 points"),
     ],
 )

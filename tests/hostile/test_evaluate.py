@@ -43,15 +43,13 @@ def test_a_command_measures_them(limited, tmp_path, size):
     np.save(tmp_path / "b.npy", TRUTH * size)
     outcome = limited("evaluate", "a.npy", "b.npy", "--json", folder=tmp_path)
     assert (outcome.code, outcome.err) == (0, "")
-    limited("evaluate", "a.npy", "b.npy", "--frame", "none", folder=tmp_path).refused(
-        "'none'", "take the frame 'truth'"
-    )
+    limited("evaluate", "a.npy", "b.npy", "--frame", "none", folder=tmp_path).refused("'none'", "use the frame 'truth'")
 
 
 def test_clouds_in_units_too_far_apart(limited, tmp_path):
     np.save(tmp_path / "a.npy", CLOUD * 1e300)
     np.save(tmp_path / "b.npy", TRUTH)
-    limited("evaluate", "a.npy", "b.npy", folder=tmp_path).refused("reach", "e+299", "in one unit")
+    limited("evaluate", "a.npy", "b.npy", folder=tmp_path).refused("reach", "e+299", "in the same unit")
 
 
 def test_one_point_far_away_and_numbers_that_are_hardly_there(limited, tmp_path):
@@ -110,7 +108,7 @@ def test_unmasked_and_whole_numbers_are_clouds():
     [
         ((TRUTH, np.array([[0, 1, 60]])), "1 of its 1 faces name vertices that are not there, such as face 0"),
         ((TRUTH, np.array([[0, 1, 2], [-1, 0, 1]])), r"such as face 1, \[-1, 0, 1\]: it has 60 vertices"),
-        ((TRUTH, np.array([[0.0, 1, 2]])), "faces of whole ones, got float64 and float64"),
+        ((TRUTH, np.array([[0.0, 1, 2]])), "faces of integers, got float64 and float64"),
         ((TRUTH, np.array([[0, 1, 2, 3]])), r"faces \(f, 3\), got \(60, 3\) and \(1, 4\)"),
         ((TRUTH * np.inf, np.array([[0, 1, 2]])), "not finite"),
         ((TRUTH, np.zeros((0, 3), int)), "no faces"),

@@ -58,7 +58,7 @@ def test_names_with_a_nul():
 
 
 def test_a_pipe_that_nobody_writes_into(tmp_path, monkeypatch):
-    monkeypatch.setattr("pcsr.inputs.PATIENCE", 0.2)
+    monkeypatch.setattr("pcsr.inputs.PIPE_TIMEOUT", 0.2)
     os.mkfifo(tmp_path / "in.xyz")
     with pytest.raises(UserError, match=r"in\.xyz cannot be read: it is a pipe, and nobody wrote into it for 0\.2 s"):
         read_cloud(tmp_path / "in.xyz")

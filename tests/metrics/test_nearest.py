@@ -87,4 +87,4 @@ for metric in METRICS.values():
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
     of_clouds = [metric for metric in METRICS.values() if metric.between_clouds]
     assert len(said) == 3 * len(of_clouds)
-    assert all("as many clouds, (b n 3) and (b m 3), got" in line for line in said)
+    assert all("the same number of clouds, (b n 3) and (b m 3), got" in line for line in said)

@@ -1,4 +1,4 @@
-"""NumPy's files: an NPY of n rows, or an NPZ with `points` and an array for each column."""
+"""NumPy's formats: NPY with an array of n rows, and NPZ with `points` and an array for each column."""
 
 import zipfile
 from io import BufferedIOBase, BytesIO
@@ -14,24 +14,24 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.limits import MOST_COLUMNS, check_inflated
 
 DIRECTORY = 1 << 20
-"""Bytes of the largest directory of an archive: some 10,000 arrays."""
+"""Largest size in bytes of an archive's directory: about 10,000 arrays."""
 
 
 def read_npy(data: bytes) -> Cloud:
-    """An array (n, 3 + k); its further columns are called c3, c4 and so on, and keep its type.
+    """Read an array (n, 3 + k). The columns beside the coordinates get the names c3, c4 and so on.
 
     Raises:
-        UserError: an array that holds no real numbers, or of another shape.
+        UserError: the array has another shape or does not hold real numbers.
     """
     array = _numbers(read_array(BytesIO(data), len(data)))
     return _cloud(array, {}, {"npy": {"kind": array.dtype.str[1:]}})
 
 
 def read_npz(data: bytes) -> Cloud:
-    """The array `points`, or the only one, and each other array with one row for each point.
+    """Read the array `points`, or the only array, and as columns all other arrays with one row for each point.
 
     Raises:
-        UserError: no array is called `points`, or it holds no real numbers.
+        UserError: there is no array `points`, or it does not hold real numbers.
     """
     _check_directory(data)
     with zipfile.ZipFile(BytesIO(data)) as archive:
@@ -61,11 +61,11 @@ def read_npz(data: bytes) -> Cloud:
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise UserError(f"'{info.filename}' is compressed in a way that NumPy does not use: save it by numpy.savez")
+        raise UserError(f"'{info.filename}' is compressed by a method that NumPy does not use: save it by numpy.savez")
     with archive.open(info) as file:
         try:
             array = read_array(cast(BufferedIOBase, file), info.file_size)
-            if file.read(1):  # and so its checksum is looked at
+            if file.read(1):  # reading to the end also checks the checksum
                 raise UserError("it goes on after its array: get the file again")
             return array
         except UserError as error:
@@ -73,20 +73,20 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
 
 
 def _check_directory(data: bytes) -> None:
-    """Refuse an archive that claims to hold very many files: each would take a kilobyte of memory.
+    """Check the size of an archive's directory, since each file in it takes a kilobyte of memory.
 
     Raises:
-        UserError: it does, or has no directory at its end.
+        UserError: it is larger than `DIRECTORY`, or missing.
     """
     end = data.rfind(b"PK\5\6", max(0, len(data) - (1 << 16) - 22))
     if end < 0:
         raise UserError("it is cut off: the directory at its end is missing")
     size = int.from_bytes(data[end + 12 : end + 16], "little")
-    if data[max(0, end - 20) : end].startswith(b"PK\6\7"):  # of more than 4 GB: the sizes have 8 bytes
+    if data[max(0, end - 20) : end].startswith(b"PK\6\7"):  # ZIP64, with sizes of 8 bytes
         large = data.rfind(b"PK\6\6", max(0, end - DIRECTORY), end)
         size = int.from_bytes(data[large + 40 : large + 48], "little")
     if size > DIRECTORY:
-        raise UserError(f"its directory has {size} bytes, and {DIRECTORY} are the most: save fewer arrays in it")
+        raise UserError(f"its directory has {size} bytes, more than {DIRECTORY}: save fewer arrays in it")
 
 
 def _numbers(array: np.ndarray) -> np.ndarray:
@@ -101,23 +101,23 @@ def _numbers(array: np.ndarray) -> np.ndarray:
 
 def _cloud(array: np.ndarray, columns: dict[str, np.ndarray], about: dict[str, dict[str, str]]) -> Cloud:
     if array.shape[1] > MOST_COLUMNS:
-        raise UserError(f"it has {array.shape[1]} numbers for each point, and {MOST_COLUMNS} are the most")
-    beside = {unused(f"c{i}", columns): native(array[:, i]) for i in range(3, array.shape[1])}
-    return Cloud(array[:, :3].astype(np.float64), beside | columns, about)
+        raise UserError(f"it has {array.shape[1]} columns, and {MOST_COLUMNS} are the most: remove some")
+    unnamed = {unused(f"c{i}", columns): native(array[:, i]) for i in range(3, array.shape[1])}
+    return Cloud(array[:, :3].astype(np.float64), unnamed | columns, about)
 
 
 def write_npy(cloud: Cloud) -> bytes:
-    """One array: the coordinates, then all columns, without their names.
+    """Write one array of the coordinates and then all columns, without their names.
 
-    Of the type that it was read with where that holds everything, else of doubles.
+    The array has the type that it was read with, if that represents all values exactly; otherwise double precision.
 
     Raises:
-        UserError: a column holds integers that doubles don't hold.
+        UserError: a column has integers that double precision cannot represent.
     """
     columns = spread(cloud.columns, rest=True)
     for name, column in columns.items():
         if column.dtype.kind in "iu" and max(-int(column.min()), int(column.max())) > 2**53:
-            raise UserError(f"an .npy of doubles can't hold the large integers of column '{name}': write a .npz")
+            raise UserError(f"an .npy of doubles can't hold the large integers of column '{name}': write a .npz file")
     table = np.column_stack([cloud.points, *(column.astype(np.float64) for column in columns.values())])
     kind = np.dtype(cloud.about.get("npy", {}).get("kind", "f8"))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -128,13 +128,13 @@ def write_npy(cloud: Cloud) -> bytes:
 
 
 def write_npz(cloud: Cloud) -> bytes:
-    """An array `points` and one for each column, of their own types.
+    """Write an array `points` and an array for each column, of its own type.
 
     Raises:
-        UserError: a column is called `points`, or as no array can be.
+        UserError: two arrays would have the same name.
     """
     file = BytesIO()
-    # Not np.savez: it takes the names as arguments, and has some of its own.
+    # np.savez takes names as keyword arguments, so that some names would collide with its parameters.
     with zipfile.ZipFile(file, "w") as archive:
         for name, array in [("points", cloud.points), *cloud.columns.items()]:
             if f"{name}.npy" in archive.namelist():

@@ -1,4 +1,4 @@
-"""What files of each kind begin with: what is something else is refused before it is read."""
+"""Recognition of file formats by the first bytes, before a file is read."""
 
 from pcsr.clouds.formats.digits import check_lines
 from pcsr.errors import UserError
@@ -13,7 +13,7 @@ MAGIC = {
     b"glTF": (".glb",),
     b"LASF": (".las", ".laz"),
 }
-"""What files of a kind begin with."""
+"""First bytes by which a supported format is recognised, and its suffixes."""
 FOREIGN = {
     b"\x1f\x8b": "gzip",
     b"BZh": "bzip2",
@@ -22,7 +22,7 @@ FOREIGN = {
     b"\x89HDF": "HDF5",
     b"%PDF": "PDF",
 }
-"""What files begin with that no cloud is read from."""
+"""First bytes by which an unsupported format is recognised, and its name."""
 BEGINNINGS = {
     ".ply": b"ply",
     ".npy": b"\x93NUMPY",
@@ -31,21 +31,21 @@ BEGINNINGS = {
     ".las": b"LASF",
     ".laz": b"LASF",
 }
-"""What a file of a kind must begin with."""
+"""First bytes that a file of a format must have, by suffix."""
 TEXT = (".xyz", ".txt", ".csv", ".obj", ".off")
-"""Kinds that are text in any case."""
+"""Suffixes of formats that are always text."""
 
 
 def check_start(head: bytes, suffix: str, name: str) -> None:
-    """Refuse by its beginning what is another kind of file.
+    """Check by its beginning that a file has the format of its suffix.
 
     Args:
-        head: the first megabyte, or all that there is.
-        suffix: of the kind that it should be: ".ply".
-        name: what messages call it.
+        head: beginning of the file, at most `pcsr.inputs.HEAD` bytes.
+        suffix: suffix of the expected format, such as ".ply".
+        name: name of the file in error messages.
 
     Raises:
-        UserError: it is empty, or of another kind.
+        UserError: the file is empty or has another format.
     """
     suffix = suffix.lower()
     if not head:

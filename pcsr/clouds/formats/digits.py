@@ -1,4 +1,4 @@
-"""Numbers as text, for the formats that have text in them: rows of doubles, and the shortest digits."""
+"""Numbers as text: reading rows of numbers, and writing numbers with the fewest digits."""
 
 import warnings
 from io import StringIO
@@ -8,51 +8,55 @@ import numpy as np
 from pcsr.errors import UserError
 from pcsr.limits import LONGEST_LINE
 
-MANY = 10**6
-"""From so many lines on, text of little but empty ones is refused."""
+MANY_LINES = 10**6
+"""Texts of more lines than this are refused if nearly all of them are empty."""
 
 
 def check_lines(data: bytes, start: int = 0) -> None:
-    """Refuse text with a line that is longer than any row of numbers, or of hardly anything but empty lines.
+    """Check that text may contain a point on each line.
 
     Args:
-        data: the text.
-        start: where it begins.
+        data: file with the text.
+        start: index at which the text begins.
 
     Raises:
-        UserError: there is such a line, or there are so many.
+        UserError: a line is longer than `LONGEST_LINE`, or nearly all lines of a long text are empty.
     """
-    gap = b"\n" if b"\n" in data[start : start + LONGEST_LINE] else b"\r"
+    newline = b"\n" if b"\n" in data[start : start + LONGEST_LINE] else b"\r"
     at = start
     while len(data) - at > LONGEST_LINE:
-        end = data.rfind(gap, at, at + LONGEST_LINE)
+        end = data.rfind(newline, at, at + LONGEST_LINE)
         if end < 0:
             raise UserError(
-                f"its byte {at} begins a line of more than {LONGEST_LINE} bytes, and none may be longer: it is no text "
-                f"with a point on each line"
+                f"at byte {at} begins a line of more than {LONGEST_LINE} bytes, the most that is allowed: it is no "
+                f"text with a point on each line"
             )
         at = end + 1
-    lines = data.count(gap, start)
-    if lines > MANY and len(data) - start < 3 * lines:
+    lines = data.count(newline, start)
+    if lines > MANY_LINES and len(data) - start < 3 * lines:
         raise UserError(f"it has {lines} lines, nearly all of them empty: remove the empty ones")
 
 
 def load_rows(text: str, count: int | None = None) -> np.ndarray:
-    """Rows of doubles parted by white space, all of one width; at most `count` of them.
+    """Read rows of numbers separated by white space, all of the same length.
+
+    Args:
+        text: the text.
+        count: largest number of rows to read; all by default.
 
     Raises:
-        UserError: rows of different widths, or something else than numbers.
+        UserError: rows differ in length, or a word is no number.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # no rows at all, or empty lines among them
+        warnings.simplefilter("ignore", UserWarning)  # of no rows and of empty lines
         try:
             return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
         except ValueError as error:
-            raise UserError(f"its rows of numbers cannot be read: {_why(text, str(error))}") from error
+            raise UserError(f"its rows of numbers cannot be read: {_explanation(text, str(error))}") from error
 
 
-def _why(text: str, reason: str) -> str:
-    """What is wrong with rows of numbers, where it is that they are of different widths."""
+def _explanation(text: str, reason: str) -> str:
+    """Return the first row that differs in length from the first one; `reason` if there is none."""
     rows = (line.split() for line in text.splitlines())
     first = next((row for row in rows if row), [])
     for number, row in enumerate((row for row in rows if row), 2):
@@ -61,11 +65,11 @@ def _why(text: str, reason: str) -> str:
     return reason
 
 
-def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
-    """The column in another type.
+def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
+    """Convert a column to another type.
 
     Raises:
-        UserError: the type is one of integers, and the column holds something else.
+        UserError: the type is an integer type that cannot represent a value of the column.
     """
     if kind.kind not in "iu" or column.dtype == kind:
         return column.astype(kind, copy=False)
@@ -78,7 +82,7 @@ def fitting(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
 
 
 def words(column: np.ndarray) -> list[str]:
-    """The shortest digits that read back as the same number of the column's type."""
+    """Format numbers with the fewest digits that read back as the same value of the column's type."""
     if column.dtype.kind == "b":
         column = column.astype(np.uint8)
     if column.dtype.kind == "f" and column.dtype.itemsize < 8:

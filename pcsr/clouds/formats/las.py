@@ -1,4 +1,4 @@
-"""LAS and LAZ, as laser scanners of landscapes give them: laspy reads and writes them, where it is installed."""
+"""LAS and LAZ, the formats of airborne laser scanning, by laspy (extra `[las]`)."""
 
 import copy
 import warnings
@@ -16,85 +16,88 @@ from pcsr.extras import imported, remedy, require
 from pcsr.limits import check_inflated
 
 USER = "the format LAS"
-"""What needs laspy, in a message to who hasn't got it."""
+"""Feature that needs laspy, for the message if it is not installed."""
 RANGE = 2**31 - 1
-"""Coordinates are integers of 32 bits, times a scale, plus an offset."""
+"""Largest stored coordinate. LAS stores coordinates as 32-bit integers, times a scale, plus an offset."""
 FINEST = 1e-9
-"""The smallest scale that is chosen for a cloud that was not read from such a file."""
+"""Smallest scale for clouds that were not read from a LAS file."""
 NAME_LENGTH = 32
+"""Longest name of a dimension, in bytes."""
 RECORD, LONG_RECORD = 54, 60
-"""Bytes of the smallest records of a header."""
+"""Sizes in bytes of the headers of variable-length records and of extended ones."""
 
 
 def read(data: bytes) -> Cloud:
-    """All dimensions, in the file's order; the header is kept, and with it scales, offsets and what else it says.
+    """Read all dimensions in the file's order, and keep the header for writing.
 
     Raises:
-        UserError: laspy is not installed, or the file is cut off.
+        UserError: laspy is not installed, or the file is cut off or damaged.
     """
     laspy = imported("laspy", USER)
     _check_counts(data)
     try:
         with warnings.catch_warnings(), panics_as_errors() if data[104] > 127 else nullcontext():
-            warnings.simplefilter("ignore")  # of what it finds odd in a header
+            warnings.simplefilter("ignore")  # of unusual headers
             las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
         hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
         raise UserError(f"laspy cannot read it: {error}{hint}") from error
     if len(las.points) != las.header.point_count:
-        raise UserError(f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there")
+        raise UserError(
+            f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there: get the file again"
+        )
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
     columns = {name: native(np.array(las[name])) for name in names}
     return Cloud(np.array(las.xyz, np.float64, order="C"), columns, {"las": {"header": las.header}})
 
 
 def _check_counts(data: bytes) -> None:
-    """Check that what the header claims has room in the file: laspy would look for each record and point."""
+    """Check that the records and points that the header claims fit into the file; laspy would search for each."""
     if len(data) < 227:
         raise UserError("it is cut off in its header")
-    new = data[25] >= 4  # version 1.4 has long records, too, after the points, and more points
-    claimed = _whole(data, 100, 4) * RECORD + (_whole(data, 243, 4) * LONG_RECORD if new else 0)
+    extended = data[25] >= 4  # version 1.4 has extended records after the points, and a point count of 64 bits
+    claimed = _integer(data, 100, 4) * RECORD + (_integer(data, 243, 4) * LONG_RECORD if extended else 0)
     if claimed > len(data):
         raise UserError("its header claims more records than the file has room for: it is cut off or damaged")
     count, size, compressed = (
-        _whole(data, 247, 8) if new else _whole(data, 107, 4),
-        _whole(data, 105, 2),
+        _integer(data, 247, 8) if extended else _integer(data, 107, 4),
+        _integer(data, 105, 2),
         data[104] > 127,
     )
-    there = max(0, len(data) - _whole(data, 96, 4)) // max(size, 1)
+    there = max(0, len(data) - _integer(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
-        raise UserError(f"it is cut off: {there} of its {count} points are there")
+        raise UserError(f"it is cut off: {there} of its {count} points are there: get the file again")
     if compressed:
         check_inflated(len(data), count * size)
-        check_chunks(data, _whole(data, 96, 4), size, count)
+        check_chunks(data, _integer(data, 96, 4), size, count)
 
 
-def _whole(data: bytes, at: int, size: int) -> int:
+def _integer(data: bytes, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], "little")
 
 
 def write_las(cloud: Cloud) -> bytes:
-    """The cloud with the scales, offsets and point format that it was read with, else with its own.
+    """Write a cloud as LAS, with the scales, offsets and point format that it was read with, if any.
 
-    Columns take the dimension of their name where that holds them, else an extra one. 8-bit colours are
-    spread over 16 bits, as the format has it.
+    A column is written to the dimension of its name if that can represent its values, and to an extra dimension
+    otherwise. 8-bit colours are scaled to 16 bits, as the format requires.
 
     Raises:
-        UserError: laspy is not installed, or the coordinates are beyond what scale and offset allow.
+        UserError: laspy is not installed, or a coordinate is out of the range of scale and offset.
     """
     return _write(cloud, compress=False)
 
 
 def write_laz(cloud: Cloud) -> bytes:
-    """The same, compressed."""
+    """Write a cloud as LAZ, which is compressed LAS; see `write_las`."""
     return _write(cloud, compress=True)
 
 
 def check_installed(*, compressed: bool) -> None:
-    """Check that laspy is there, and for LAZ what it packs with.
+    """Check that laspy is installed, and for LAZ its compressor.
 
     Raises:
-        UserError: it is not; the message says what to install.
+        UserError: it is not; the message names the package to install.
     """
     available = imported("laspy", USER).LazBackend.detect_available()
     if compressed and not available:
@@ -104,26 +107,26 @@ def check_installed(*, compressed: bool) -> None:
 def _write(cloud: Cloud, *, compress: bool) -> bytes:
     laspy = imported("laspy", USER)
     known = cloud.about.get("las", {}).get("header")
-    colours = _wide(cloud.columns)
+    colours = _colours_in_16_bits(cloud.columns)
     header = copy.deepcopy(known) if known is not None else _header(laspy, cloud.points, bool(colours))
-    of_header = set(header.point_format.dimension_names)
-    columns = {name: column for name, column in cloud.columns.items() if name in of_header}
-    flat = spread({name: column for name, column in cloud.columns.items() if name not in of_header}, rest=True)
+    standard = set(header.point_format.dimension_names)
+    columns = {name: column for name, column in cloud.columns.items() if name in standard}
+    flat = spread({name: column for name, column in cloud.columns.items() if name not in standard}, rest=True)
     columns |= {unused(name, columns): column for name, column in flat.items()}
     if known is None:
         columns |= colours
     header.remove_extra_dims([name for name in header.point_format.extra_dimension_names if name not in columns])
-    placed = {_place(header, laspy, name, column, columns): column for name, column in columns.items()}
-    places = np.rint((cloud.points - header.offsets) / header.scales)
-    if np.abs(places).max() > RANGE:
+    dimensions = {_dimension(header, laspy, name, column, columns): column for name, column in columns.items()}
+    stored = np.rint((cloud.points - header.offsets) / header.scales)
+    if np.abs(stored).max() > RANGE:
         raise UserError(
             f"the coordinates reach {np.abs(cloud.points).max():g}, beyond what the scales {list(header.scales)} and "
-            f"offsets {list(header.offsets)} of the file that it was read from allow: write a .ply"
+            f"offsets {list(header.offsets)} of the original file allow: write a .ply file"
         )
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header))
-    las.X, las.Y, las.Z = places.astype(np.int32).T
+    las.X, las.Y, las.Z = stored.astype(np.int32).T
     try:
-        for name, column in placed.items():
+        for name, column in dimensions.items():
             las[name] = _storable(column)
         file = BytesIO()
         las.write(file, do_compress=compress)
@@ -141,8 +144,8 @@ def _header(laspy: Any, points: np.ndarray, coloured: bool) -> Any:
     return header
 
 
-def _wide(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Red, green and blue in 16 bits; empty where they are not all there or no colours of a known range."""
+def _colours_in_16_bits(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Convert red, green and blue to 16 bits; return nothing if one is missing or its range is not known."""
     columns = spread(columns, rest=False)
     wide = {}
     for name in ("red", "green", "blue"):
@@ -160,8 +163,8 @@ def _wide(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return wide
 
 
-def _place(header: Any, laspy: Any, name: str, column: np.ndarray, taken: dict[str, np.ndarray]) -> str:
-    """The dimension that holds a column: the one of its name where it fits, else a new one."""
+def _dimension(header: Any, laspy: Any, name: str, column: np.ndarray, taken: dict[str, np.ndarray]) -> str:
+    """Return the dimension for a column: the one of its name if it fits, otherwise a new one."""
     point_format = header.point_format
     dimensions = {each.name: each for each in point_format.dimensions}
     if name in dimensions:
@@ -169,7 +172,7 @@ def _place(header: Any, laspy: Any, name: str, column: np.ndarray, taken: dict[s
             return name
         name = unused(name, [*dimensions, *taken])
     if len(name.encode()) > NAME_LENGTH:
-        raise UserError(f"the column name '{name}' is longer than the {NAME_LENGTH} bytes that LAS has: rename it")
+        raise UserError(f"the column name '{name}' is longer than the {NAME_LENGTH} bytes that LAS allows: rename it")
     header.add_extra_dims([laspy.ExtraBytesParams(name=name, type=_storable(column).dtype)])
     return name
 

@@ -1,4 +1,4 @@
-"""LAZ's table of chunks, looked at before lazrs does: it would take whatever memory the table asks for, or give up."""
+"""Check of a LAZ file's chunk table before lazrs reads it, which would allocate whatever the table claims, or panic."""
 
 import importlib
 import os
@@ -11,34 +11,35 @@ from io import BytesIO
 import numpy as np
 
 from pcsr.errors import UserError
-from pcsr.limits import FREELY
+from pcsr.limits import UNCHECKED_SIZE
 
 RECORD = 54
-"""Bytes of the head of a record after the header."""
+"""Size in bytes of the header of a variable-length record."""
 KEY = (b"laszip encoded", 22204)
-"""User and number of the record that says how the points are packed."""
+"""User id and record id of the record that describes the compression."""
 LAYERED = 3
-"""The compressor that packs in layers."""
+"""Number of the compressor that stores points in layers."""
 LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
-"""Of each kind of item: points, colours, colours with infrared, waves. Of others, each byte is one."""
+"""Number of layers of each type of item: points, colours, colours with infrared, waveforms. An item of another type has
+a layer for each byte."""
 DAMAGED = "its compressed points are damaged: get the file again"
 
 
 def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
-    """Refuse a table of chunks that contradicts the file.
+    """Check that the chunk table is consistent with the file.
 
     Args:
         data: the file.
-        at: where its points begin.
-        size: bytes of a point.
-        count: of points.
+        at: index of the first byte of the points.
+        size: size of a point in bytes.
+        count: number of points.
 
     Raises:
-        UserError: it does.
+        UserError: it is not.
     """
     try:
         lazrs = importlib.import_module("lazrs")
-    except ImportError:  # laspy says so, and what to install
+    except ImportError:  # laspy reports this
         return
     try:
         record = _record(data)
@@ -47,7 +48,7 @@ def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
         start = int.from_bytes(data[-8:], "little", signed=True) if start == -1 else start
         room = start - at - 8
         chunks = int.from_bytes(data[start + 4 : start + 8], "little")
-        # A chunk begins with one whole point.
+        # A chunk begins with one uncompressed point.
         if room < 0 or start + 8 > len(data) or packing.item_size() != size or chunks * size > room:
             raise UserError(DAMAGED)
         file = BytesIO(data)
@@ -58,8 +59,8 @@ def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
     held = [points for points, _ in table] if packing.uses_variable_size_chunks() else [packing.chunk_size()] * chunks
     if sum(packed for _, packed in table) > room or sum(held) < count:
         raise UserError(DAMAGED)
-    if max(held, default=0) * size > FREELY + count * size:
-        raise UserError(f"its points are said to be packed {max(held)} at once, and it has {count}: it is damaged")
+    if max(held, default=0) * size > UNCHECKED_SIZE + count * size:
+        raise UserError(f"it claims chunks of {max(held)} points and has {count} points: it is damaged")
     layers, at = _layers(record), at + 8
     for _, packed in table if layers else []:
         sizes = np.frombuffer(data[at + size + 4 : at + size + 4 + 4 * layers], "<u4")
@@ -69,7 +70,7 @@ def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
 
 
 def _layers(record: bytes) -> int:
-    """Of how many layers, each with a size before it, a chunk consists; 0 where it is not in layers."""
+    """Return the number of layers of a chunk, each of which has its size stored; 0 without layers."""
     if int.from_bytes(record[:2], "little") != LAYERED:
         return 0
     layers = 0
@@ -80,7 +81,7 @@ def _layers(record: bytes) -> int:
 
 
 def _record(data: bytes) -> bytes:
-    """What the record says that describes the packing."""
+    """Return the content of the record that describes the compression."""
     at = int.from_bytes(data[94:96], "little")
     for _ in range(int.from_bytes(data[100:104], "little")):
         size = int.from_bytes(data[at + 20 : at + 22], "little")
@@ -88,24 +89,25 @@ def _record(data: bytes) -> bytes:
         if (user, number) == KEY:
             return data[at + RECORD : at + RECORD + size]
         at += RECORD + size
-    raise UserError("it is said to be compressed, and no record says how: get the file again")
+    raise UserError("it claims to be compressed, but has no record on the compression: get the file again")
 
 
 @contextmanager
 def panics_as_errors() -> Iterator[None]:
-    """Turn a panic of lazrs into an error, without the report that Rust writes to standard error.
+    """Raise a panic of lazrs as a `UserError`, without the report that Rust writes to standard error.
 
-    What others write there meanwhile is written once the block ends, or lost if it ends in a panic.
+    Other output to standard error is delayed to the end of the block, and lost after a panic.
 
     Raises:
         UserError: lazrs panicked.
     """
     with tempfile.TemporaryFile() as held:
-        stderr = os.dup(2) if sys.stderr is not None else os.open(os.devnull, os.O_WRONLY)  # of a window it is closed
+        # Programs without a console have no standard error.
+        stderr = os.dup(2) if sys.stderr is not None else os.open(os.devnull, os.O_WRONLY)
         os.dup2(held.fileno(), 2)
         try:
             yield
-        except BaseException as error:  # a panic is no `Exception`
+        except BaseException as error:  # a panic is not derived from `Exception`
             if type(error).__name__ != "PanicException":
                 raise
             held.truncate(0)

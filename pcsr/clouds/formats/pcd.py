@@ -1,4 +1,4 @@
-"""PCD, as the Point Cloud Library has it: text, binary and compressed; packed colours are unpacked."""
+"""PCD, the format of the Point Cloud Library: text, binary and compressed, by pypcd4 (extra `[pcd]`)."""
 
 import re
 from io import BytesIO
@@ -14,21 +14,21 @@ from pcsr.extras import imported, require
 from pcsr.limits import check_inflated
 
 USER = "the format PCD"
-"""What needs pypcd4, in a message to who hasn't got it."""
+"""Feature that needs pypcd4, for the message if it is not installed."""
 PADDING = "#$%&~~"
-"""What pypcd4 calls fields that only fill up space."""
+"""Prefix that pypcd4 gives to the names of padding fields."""
 HEADER = 1 << 16
-"""A header ends within so many bytes."""
+"""Largest size of a header in bytes."""
 KINDS = {*((kind, size) for kind in "IU" for size in (1, 2, 4, 8)), ("F", 4), ("F", 8)}
-"""Types and sizes of fields."""
+"""Types of fields and their sizes in bytes."""
 DIGITS = 20
-"""No header has a number of so many."""
+"""Numbers in a header must have fewer digits than this."""
 WIDEST = 10_000
-"""A damaged header may claim billions of numbers for each point, and pypcd4 would name each."""
+"""Most numbers of a point. pypcd4 would create a name for each number that a damaged header claims."""
 
 
 def read(data: bytes) -> Cloud:
-    """All fields. `rgb` and `rgba` become red, green, blue (and alpha), `normal_x` becomes nx.
+    """Read all fields. `rgb` and `rgba` are unpacked to red, green, blue (and alpha); `normal_x` is renamed to nx.
 
     Raises:
         UserError: a coordinate is missing, the file is cut off, or the extra `[pcd]` is not installed.
@@ -42,7 +42,7 @@ def read(data: bytes) -> Cloud:
         raise UserError(f"it has no field {', '.join(missing)}, only {', '.join(cloud.fields)}")
     table = np.atleast_1d(cloud.pc_data)
     if len(table) != cloud.points:
-        raise UserError(f"it is cut off: {len(table)} of its {cloud.points} points are there")
+        raise UserError(f"it is cut off: {len(table)} of its {cloud.points} points are there: get the file again")
     about: dict[str, Any] = {"encoding": meta.data.value, "viewpoint": tuple(meta.viewpoint), "packed": []}
     columns: dict[str, np.ndarray] = {}
     for name, count in zip(meta.fields, meta.count, strict=True):
@@ -60,14 +60,14 @@ def read(data: bytes) -> Cloud:
                 columns[unused(colour, columns)] = np.ascontiguousarray(part)
         else:
             columns[unused(name.replace("normal_", "n") if name[:-1] == "normal_" else name, columns)] = column
-    # One by one: what is beside them may be of a type that holds no doubles.
+    # Each coordinate is converted by itself, since the table's types may differ.
     points = np.stack([np.asarray(table[name], np.float64) for name in "xyz"], axis=-1)
     about["coordinates"] = table["x"].dtype.str[1:]
     return Cloud(points, columns, {"pcd": about})
 
 
 def check_installed() -> None:
-    """Check that pypcd4 is there.
+    """Check that pypcd4 is installed.
 
     Raises:
         UserError: it is not; the message names the extra.
@@ -76,29 +76,29 @@ def check_installed() -> None:
 
 
 def _check_header(data: bytes) -> None:
-    """Refuse a header that says no cloud, or one that the file has no room for: pypcd4 would believe it.
+    """Check that the header describes a cloud that fits into the file, which pypcd4 does not check.
 
     Raises:
-        UserError: it does.
+        UserError: it does not.
     """
     end = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:HEADER], re.MULTILINE)
     if not end:
         raise UserError(
-            f"it cannot be read as a .pcd file: its header has no line DATA within {HEADER} bytes: it is cut off"
+            f"it cannot be read as a .pcd file: its header has no line DATA within {HEADER} bytes: get the file again"
         )
     lines = data[: end.start()].decode("utf-8", "replace").splitlines()
-    said = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
-    fields = said.get("FIELDS", [])
+    header = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
+    fields = header.get("FIELDS", [])
     if not fields:
         raise UserError("its header has no line FIELDS")
-    sizes, counts = (_wholes(said, key, len(fields)) for key in ("SIZE", "COUNT"))
-    if len(said.get("TYPE", [])) != len(fields) or not set(zip(said["TYPE"], sizes, strict=True)) <= KINDS:
-        raise UserError("its TYPE and SIZE must be one of I and U with 1, 2, 4, 8 and F with 4, 8 for each field")
+    sizes, counts = (_integers(header, key, len(fields)) for key in ("SIZE", "COUNT"))
+    if len(header.get("TYPE", [])) != len(fields) or not set(zip(header["TYPE"], sizes, strict=True)) <= KINDS:
+        raise UserError("its TYPE and SIZE must be I or U with 1, 2, 4 or 8, or F with 4 or 8, for each field")
     if sum(counts) > WIDEST:
-        raise UserError(f"its COUNT is {' '.join(said['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
-    (points,) = _wholes(said, "POINTS", 1)
-    _wholes(said, "WIDTH", 1)
-    _wholes(said, "HEIGHT", 1)
+        raise UserError(f"its COUNT is {' '.join(header['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
+    (points,) = _integers(header, "POINTS", 1)
+    _integers(header, "WIDTH", 1)
+    _integers(header, "HEIGHT", 1)
     rest, encoding = data[end.end() :], end[1].decode()
     whole = points * sum(size * count for size, count in zip(sizes, counts, strict=True))
     if encoding == "ascii":
@@ -106,40 +106,45 @@ def _check_header(data: bytes) -> None:
     elif encoding == "binary":
         there = len(rest) * points // whole if whole else 0
         if there < points:
-            raise UserError(f"it is cut off: {there} of its {points} points are there")
+            raise UserError(f"it is cut off: {there} of its {points} points are there: get the file again")
     elif encoding == "binary_compressed":
         packed, unpacked = (int.from_bytes(rest[at : at + 4], "little") for at in (0, 4))
         if len(rest) < 8 + packed:
-            raise UserError(f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there")
+            raise UserError(
+                f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there: get the file again"
+            )
         if unpacked != whole:
-            raise UserError(f"its {packed} compressed bytes become {unpacked}, and its {points} points take {whole}")
+            raise UserError(
+                f"its compressed data claim {unpacked} bytes, and its {points} points take {whole}: it is damaged"
+            )
         check_inflated(packed, unpacked)
     else:
         raise UserError(f"its DATA is '{encoding[:80]}': ascii, binary and binary_compressed are known")
 
 
-def _wholes(said: dict[str, list[str]], key: str, count: int) -> list[int]:
-    """The whole numbers of a line of the header."""
-    words = said.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
+def _integers(header: dict[str, list[str]], key: str, count: int) -> list[int]:
+    """Return the integers of a line of the header; COUNT and HEIGHT are 1 by default."""
+    words = header.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
     if len(words) < count or not all(word.isdecimal() and len(word) < DIGITS for word in words[:count]):
-        raise UserError(f"its {key} is '{' '.join(words)[:80]}': {count} whole numbers are needed")
+        needed = "an integer is" if count == 1 else f"{count} integers are"
+        raise UserError(f"its {key} is '{' '.join(words)[:80]}': {needed} needed")
     return [int(word) for word in words[:count]]
 
 
 def _unpacked(packed: np.ndarray) -> np.ndarray:
-    """Red, green, blue and alpha: the four bytes of a number, the lowest last."""
+    """Unpack red, green, blue and alpha from the bytes of 32-bit numbers 0xAARRGGBB."""
     bits = packed.view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
     return np.stack([(bits >> shift).astype(np.uint8) for shift in (16, 8, 0, 24)], axis=-1)
 
 
 def write(cloud: Cloud) -> bytes:
-    """The cloud in the encoding that it was read in, else binary; 8-bit colours are packed.
+    """Write a cloud as PCD, in the encoding that it was read in, or binary; 8-bit colours are packed.
 
-    Coordinates are floats where they were floats and still are, else doubles. The points are in one row: an
-    image of points is one no longer.
+    Coordinates are written in single precision if they were read so and need no more, otherwise in double precision.
+    Organised clouds are written with HEIGHT 1.
 
     Raises:
-        UserError: a column that the format cannot hold, or the extra `[pcd]` is not installed.
+        UserError: the format cannot hold a column, or the extra `[pcd]` is not installed.
     """
     pypcd4 = imported("pypcd4.pypcd4", USER)
     about = cloud.about.get("pcd", {})
@@ -175,7 +180,7 @@ def write(cloud: Cloud) -> bytes:
 
 
 def _named(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The columns by names that a header can hold; a field `_` would be padding."""
+    """Rename columns to names that a header can hold. A field `_` would be padding."""
     named: dict[str, np.ndarray] = {}
     for name, column in spread(columns, rest=False).items():
         word = re.sub(r"[^\w.-]", "_", name)
@@ -184,10 +189,15 @@ def _named(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _packed(columns: dict[str, np.ndarray], packed: list[str]) -> dict[str, np.ndarray]:
-    """The fields of a file; `packed` is the name and type of the packed colours, or empty where they are apart."""
+    """Return the fields of a file.
+
+    Args:
+        columns: columns of the cloud.
+        packed: name and type of the field with packed colours; empty if colours are written as separate fields.
+    """
     colours = [columns[name] for name in ("red", "green", "blue", "alpha") if name in columns]
-    bytes_ = all(colour.dtype == np.uint8 and colour.ndim == 1 for colour in colours)
-    pack = bool(packed) and bytes_ and {"red", "green", "blue"} <= columns.keys()
+    in_bytes = all(colour.dtype == np.uint8 and colour.ndim == 1 for colour in colours)
+    pack = bool(packed) and in_bytes and {"red", "green", "blue"} <= columns.keys()
     fields: dict[str, np.ndarray] = {}
     for name, column in columns.items():
         if pack and name in ("green", "blue", "alpha"):
@@ -195,7 +205,7 @@ def _packed(columns: dict[str, np.ndarray], packed: list[str]) -> dict[str, np.n
         if pack and name == "red":
             shifted = zip(colours, (16, 8, 0, 24), strict=False)
             bits = np.bitwise_or.reduce([colour.astype(np.uint32) << shift for colour, shift in shifted])
-            # With alpha many of the floats would be no numbers, and text could not tell them apart.
+            # With alpha many of the bit patterns would be NaN as floats, which text cannot distinguish.
             kind = "u4" if len(colours) == 4 else packed[1]
             fields["rgba" if len(colours) == 4 else "rgb"] = bits.view(np.float32) if kind == "f4" else bits
         elif name in NORMALS and columns.keys() >= set(NORMALS):

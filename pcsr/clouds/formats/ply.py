@@ -1,4 +1,4 @@
-"""Reading PLY: every property of the vertices, in text and in both binary orders; other elements are passed over."""
+"""Reader of the vertices of PLY files, in text and both binary byte orders; other elements are skipped."""
 
 import re
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native
-from pcsr.clouds.formats.digits import check_lines, fitting, load_rows
+from pcsr.clouds.formats.digits import cast_column, check_lines, load_rows
 from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
 
@@ -22,6 +22,7 @@ TYPES = {
     "float": "f4",
     "double": "f8",
 }
+"""NumPy's type of each PLY type."""
 ALIASES = {
     "int8": "char",
     "uint8": "uchar",
@@ -32,27 +33,30 @@ ALIASES = {
     "float32": "float",
     "float64": "double",
 }
+"""PLY types with other names."""
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""NumPy's byte order of each encoding."""
 DIGITS = 20
-"""No file has a count of so many."""
+"""Counts in a header must have fewer digits than this."""
 HEADER = 1 << 20
-"""A header ends within so many bytes."""
-UNEVEN = 10**6
-"""Rows with lists of different lengths that are passed over before the vertices: each costs some microseconds."""
+"""Largest size of a header in bytes."""
+MOST_RAGGED_ROWS = 10**6
+"""Most rows with lists of different lengths that are skipped before the vertices. Each takes some microseconds."""
 
 
 @dataclass(frozen=True)
 class Property:
-    """One property of an element; `length` is the type of a list's length, or empty."""
+    """Property of an element in the header."""
 
     name: str
     type: str
     length: str = ""
+    """Type of the length of a list; empty for a single number."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """One element of the header."""
+    """Element in the header."""
 
     name: str
     count: int
@@ -60,10 +64,10 @@ class Element:
 
 
 def read(data: bytes) -> Cloud:
-    """The vertices. Coordinates in text are read as doubles, whatever their type says.
+    """Read the vertices. Coordinates in text are read in double precision, whatever their declared type.
 
     Raises:
-        UserError: it is no PLY file, is cut off, lacks a coordinate, or a vertex has lists of different lengths.
+        UserError: it is no PLY file, is cut off, lacks a coordinate, or the lists of its vertices differ in length.
     """
     encoding, comments, elements, at = _header(data)
     for element in elements:
@@ -78,15 +82,15 @@ def read(data: bytes) -> Cloud:
     for axis in "xyz":
         if axis not in names:
             known = ", ".join(names)
-            raise UserError(f"it cannot be read as a .ply file: '{axis}' is no property of its vertices: {known}")
+            raise UserError(f"it cannot be read as a .ply file: '{axis}' is none of its vertices' properties: {known}")
     if len(set(names)) < len(names):
-        raise UserError(f"two properties of its vertices have one name: {', '.join(names)}")
+        raise UserError(f"two properties of its vertices have the same name: {', '.join(names)}: rename one of them")
     table = _text(data[at:], element) if encoding == "ascii" else _binary(data, at, element, ORDERS[encoding])
     kind = {each.name: each.type for each in element.properties}
     columns = {}
     for name in names:
         if name not in ("x", "y", "z"):
-            columns[name] = native(fitting(table[name], np.dtype(TYPES[kind[name]]), name))
+            columns[name] = native(cast_column(table[name], np.dtype(TYPES[kind[name]]), name))
     points = np.stack([np.asarray(table[axis], np.float64) for axis in "xyz"], axis=-1)
     about = {"encoding": encoding, "comments": comments, "coordinates": kind["x"]}
     return Cloud(points, columns, {"ply": about})
@@ -102,7 +106,7 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
         )
         raise UserError(f"it cannot be read as a .ply file: {what}")
     encoding, comments, elements = "", [], list[Element]()
-    # Comments may be in any encoding: what is not UTF-8 is carried through as it is.
+    # Comments may have any encoding: bytes that are not UTF-8 are kept unchanged.
     for line in found[1].decode("utf-8", "surrogateescape").replace("\r", "").split("\n")[1:]:
         match line.split():
             case ["format", name, *_]:
@@ -122,7 +126,7 @@ def _header(data: bytes) -> tuple[str, list[str], list[Element], int]:
     if encoding not in ORDERS:
         raise UserError(f"its format is '{encoding[:80]}': {', '.join(ORDERS)} are known")
     if any(len(element.properties) > MOST_COLUMNS for element in elements):
-        raise UserError(f"an element of its header has more than {MOST_COLUMNS} properties, the most that are read")
+        raise UserError(f"an element of its header has more than {MOST_COLUMNS} properties, the most that is allowed")
     return encoding, comments, elements, found.end()
 
 
@@ -138,35 +142,35 @@ def _type(word: str) -> str:
 
 
 def _after(data: bytes, at: int, element: Element, encoding: str) -> int:
-    """Where the element that begins at `at` ends."""
+    """Return the end of the element that begins at `at`."""
     if encoding == "ascii":
         file = BytesIO(data)
         file.seek(at)
         for _ in range(element.count):
             line = file.readline()
-            while line and element.properties and not line.strip():  # without properties its rows are empty lines
+            while line and element.properties and not line.strip():  # rows without properties are empty lines
                 line = file.readline()
             if not line:
-                raise UserError(f"it is cut off among its {element.count} of '{element.name}'")
+                raise UserError(f"it is cut off among its {element.count} of '{element.name}': get the file again")
         return file.tell()
     order = ORDERS[encoding]
-    row, even = _row(data, at, element, order), True
+    row, uniform = _row(data, at, element, order), True
     if row.itemsize and any(each.length for each in element.properties):
-        even = _even(_rows(data, at, element, row), element)
-    if even:
+        uniform = _is_uniform(_rows(data, at, element, row), element)
+    if uniform:
         return at + element.count * row.itemsize
-    if element.count > UNEVEN:
+    if element.count > MOST_RAGGED_ROWS:
         raise UserError(
-            f"its {element.count} of '{element.name}' have lists of different lengths and are before its vertices, and "
-            f"{UNEVEN} of such are the most: write the vertices first"
+            f"its {element.count} of '{element.name}' before the vertices have lists of different lengths, and "
+            f"{MOST_RAGGED_ROWS} of such are the most: write the vertices first"
         )
-    for _ in range(element.count):  # such as faces of three and of four corners ahead of the vertices
+    for _ in range(element.count):  # such as triangles and quadrilaterals before the vertices
         at += _row(data, at, element, order).itemsize
     return at
 
 
 def _row(data: bytes, at: int, element: Element, order: str) -> np.dtype[np.void]:
-    """The layout of the row that begins at `at`: lists are of the length that they have there."""
+    """Return the layout of the row that begins at `at`, with the lengths of its lists."""
     parts: list[tuple[str, str, tuple[int, ...]]] = []
     size = 0
     for number, each in enumerate(element.properties):
@@ -186,12 +190,12 @@ def _row(data: bytes, at: int, element: Element, order: str) -> np.dtype[np.void
 
 
 def _rows(data: bytes, at: int, element: Element, row: np.dtype[np.void]) -> np.ndarray:
-    """As many rows of one layout as there are, at most those of the element."""
+    """Return the rows of one layout from `at` on, as many as the element has or the data contain."""
     return np.frombuffer(data, row, min(element.count, max(0, len(data) - at) // row.itemsize), at)
 
 
-def _even(rows: np.ndarray, element: Element) -> bool:
-    """Whether the lists of all rows are as long as those of the first."""
+def _is_uniform(rows: np.ndarray, element: Element) -> bool:
+    """Return whether all rows are there and their lists are as long as those of the first."""
     lengths = [f"length {number}" for number, each in enumerate(element.properties) if each.length]
     return len(rows) == element.count and all(bool((rows[name] == rows[name][0]).all()) for name in lengths)
 
@@ -200,15 +204,15 @@ def _binary(data: bytes, at: int, element: Element, order: str) -> dict[str, np.
     rows = _rows(data, at, element, _row(data, at, element, order))
     for number, each in enumerate(element.properties):
         if each.length and len(rows) and (rows[f"length {number}"] != rows[f"length {number}"][0]).any():
-            raise UserError(f"its vertices have lists '{each.name}' of different lengths: they make no column")
+            raise UserError(f"its vertices have lists '{each.name}' of different lengths: a column needs equal ones")
     _all_there(len(rows), element)
     return {each.name: rows[f"{number}"] for number, each in enumerate(element.properties)}
 
 
 def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
     check_lines(data)
-    # Doubles hold every number of every type that PLY has.
-    most = len(data) // 2 + 1  # whatever the header claims, so that nobody's claim takes the memory
+    # Double precision represents every number of every PLY type.
+    most = len(data) // 2 + 1  # bounds the memory, whatever the header claims
     rows = load_rows(data.decode("latin-1"), min(element.count, most))
     _all_there(len(rows), element)
     table, at, width = dict[str, np.ndarray](), 0, rows.shape[1]
@@ -217,7 +221,9 @@ def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
         if each.length:
             lengths = rows[:, at : at + 1]
             if (lengths != lengths[:1]).any():
-                raise UserError(f"its vertices have lists '{each.name}' of different lengths: they make no column")
+                raise UserError(
+                    f"its vertices have lists '{each.name}' of different lengths: a column needs equal ones"
+                )
             length = float(lengths[0, 0]) if at < width else 0.0
             if not (length >= 0 and length.is_integer()):
                 raise UserError(f"its vertices have lists '{each.name}' of {length:g} numbers, which is no length")
@@ -233,4 +239,4 @@ def _text(data: bytes, element: Element) -> dict[str, np.ndarray]:
 
 def _all_there(rows: int, element: Element) -> None:
     if rows != element.count:
-        raise UserError(f"it is cut off: {rows} of its {element.count} points are there")
+        raise UserError(f"it is cut off: {rows} of its {element.count} points are there: get the file again")

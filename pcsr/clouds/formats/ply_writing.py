@@ -1,4 +1,4 @@
-"""Writing PLY: vertices with every column of a cloud, in the encoding that they were read in."""
+"""Writer of PLY files: vertices with all columns of a cloud."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,16 +10,18 @@ from pcsr.clouds.formats.ply import ORDERS, TYPES
 from pcsr.errors import UserError
 
 NAMES = {code: name for name, code in TYPES.items()}
+"""PLY type of each of NumPy's types."""
 
 
 def write(cloud: Cloud) -> bytes:
-    """The cloud in the encoding that it was read in, else binary; columns keep their types.
+    """Write a cloud as PLY, in the encoding that it was read in, or binary.
 
-    Coordinates are floats where they were floats and still are, else doubles. What has no type in PLY takes
-    the smallest that holds it: 64-bit integers become 32-bit ones.
+    Coordinates are written in single precision if they were read so and need no more, otherwise in double precision.
+    Columns keep their types. Types that PLY lacks are replaced by the smallest PLY type that represents all values,
+    such as 32-bit for 64-bit integers.
 
     Raises:
-        UserError: integers that no type of PLY holds.
+        UserError: no PLY type represents the integers of a column.
     """
     about = cloud.about.get("ply", {})
     encoding = about.get("encoding", "binary_little_endian")
@@ -57,10 +59,10 @@ def _coordinates(points: Float64[np.ndarray, "n 3"], about: dict[str, str]) -> n
 
 
 def smallest(column: np.ndarray, name: str) -> np.dtype:
-    """The type of PLY that holds all of a column: its own where PLY has it.
+    """Return the type of a column if PLY has it, otherwise the smallest PLY type that represents all its values.
 
     Raises:
-        UserError: it holds integers beyond 32 bits that doubles don't hold either.
+        UserError: the column has integers that neither 32 bits nor double precision represent.
     """
     if column.dtype.str[1:] in NAMES:
         return column.dtype
@@ -72,4 +74,4 @@ def smallest(column: np.ndarray, name: str) -> np.dtype:
             return np.dtype(kind)
     if max(-low, high) <= 2**53:
         return np.dtype(np.float64)
-    raise UserError(f"a .ply holds no integers as large as those of column '{name}': write a .npz")
+    raise UserError(f"a .ply file holds no integers as large as those of column '{name}': write a .npz file")

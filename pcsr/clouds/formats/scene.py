@@ -1,4 +1,4 @@
-"""GLB's scene, looked at before it is built: a few bytes may say that one mesh stands in it a billion times."""
+"""Check of a GLB file's scene before it is built. A few bytes can declare a billion instances of one mesh."""
 
 import json
 from typing import Any
@@ -7,30 +7,30 @@ from pcsr.errors import UserError
 from pcsr.limits import LARGEST_JSON, check_inflated
 
 NODES = 10**5
-"""Nodes of the largest scene."""
+"""Most nodes of a scene."""
 BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Of the numbers of an accessor, by their type."""
+"""Bytes of a number of an accessor, by its component type."""
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Of each item of an accessor, by its kind."""
+"""Numbers of an item of an accessor, by its type."""
 
 
 def check_scene(data: bytes) -> None:
-    """Refuse a GLB whose scene is no tree, or far larger than its file.
+    """Check that the scene of a GLB file is a tree, and not far larger than the file.
 
     Raises:
-        UserError: it is.
+        UserError: it is not.
     """
     size = int.from_bytes(data[12:16], "little")
     if len(data) < 20 or data[16:20] != b"JSON" or len(data) < 20 + size:
         raise UserError("it cannot be read as a .glb file: it is cut off, or its first part is not its JSON")
     if size > LARGEST_JSON:
-        raise UserError(f"its JSON has {size} bytes, and {LARGEST_JSON} are the most")
+        raise UserError(f"its JSON has {size} bytes, and {LARGEST_JSON} are the most: simplify the scene")
     try:
         tree = json.loads(data[20 : 20 + size])
         nodes = tree.get("nodes", [])
         if any("sparse" in accessor for accessor in tree.get("accessors", [])) or tree.get("extensionsRequired"):
             wanted = ", ".join(map(str, tree.get("extensionsRequired", []))) or "sparse accessors"
-            raise UserError(f"it needs {wanted[:80]}, which is not read: export it without")
+            raise UserError(f"it needs {wanted[:80]}, which is not supported: export it without")
         sizes = [_size(accessor, len(data)) for accessor in tree.get("accessors", [])]
         meshes = [_of_mesh(mesh, sizes) for mesh in tree.get("meshes", [])]
         _check_tree(nodes)
@@ -38,14 +38,14 @@ def check_scene(data: bytes) -> None:
     except RecursionError as error:
         raise UserError("its JSON is nested too deeply") from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        raise UserError("its JSON does not describe a scene as glTF 2.0 has it: it is damaged") from error
+        raise UserError("its JSON does not describe a scene of glTF 2.0: it is damaged") from error
     check_inflated(len(data), whole)
 
 
 def _check_tree(nodes: list[Any]) -> None:
-    """Refuse a scene in which a node has two parents, or is its own ancestor."""
+    """Check that every node of a scene has at most one parent and is not its own ancestor."""
     if len(nodes) > NODES:
-        raise UserError(f"its scene has {len(nodes)} nodes, and {NODES} are the most")
+        raise UserError(f"its scene has {len(nodes)} nodes, and {NODES} are the most: simplify it")
     parent: dict[int, int] = {}
     for number, node in enumerate(nodes):
         for child in node.get("children", []):
@@ -53,7 +53,7 @@ def _check_tree(nodes: list[Any]) -> None:
                 raise ValueError(child)
             if child in parent:
                 raise UserError(
-                    f"node {child} of its scene has two parents, {parent[child]} and {number}: glTF has none"
+                    f"node {child} of its scene has two parents, {parent[child]} and {number}: glTF allows one"
                 )
             parent[child] = number
     reached = [number for number in range(len(nodes)) if number not in parent]
@@ -61,11 +61,11 @@ def _check_tree(nodes: list[Any]) -> None:
         reached += nodes[number].get("children", [])
     if len(reached) < len(nodes):
         lost = min(set(range(len(nodes))).difference(reached))
-        raise UserError(f"node {lost} of its scene is an ancestor of itself: glTF has none such")
+        raise UserError(f"node {lost} of its scene is an ancestor of itself, which glTF does not allow")
 
 
 def _of_mesh(mesh: Any, sizes: list[int]) -> int:
-    """Bytes of a mesh's vertices and faces, as doubles and indices of 64 bits."""
+    """Return the size in bytes of a mesh's vertices in double precision and faces in 64 bits."""
     whole = 0
     for primitive in mesh["primitives"]:
         used = [*primitive["attributes"].values(), *([primitive["indices"]] if "indices" in primitive else [])]
@@ -74,7 +74,15 @@ def _of_mesh(mesh: Any, sizes: list[int]) -> int:
 
 
 def _size(accessor: Any, most: int) -> int:
-    """Bytes that an accessor becomes; refuses one that claims more than its file has."""
+    """Return the size in bytes of an accessor's numbers in 64 bits.
+
+    Args:
+        accessor: the accessor.
+        most: size of the file in bytes.
+
+    Raises:
+        UserError: the accessor is larger than the file.
+    """
     count, numbers, each = accessor["count"], NUMBERS[accessor["type"]], BYTES[accessor["componentType"]]
     if not isinstance(count, int):
         raise TypeError(count)

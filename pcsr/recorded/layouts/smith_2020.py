@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.limits import MOST_TOUCHED_POINTS
-from pcsr.mistakes import shown
 from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import in_object, turn
+from pcsr.validation_messages import shown
 
 METRE = 1000.0
 SCALE = 0.5

@@ -36,9 +36,9 @@ class NoFusion(Fusion):
         """
         counts = mask.sum(1)
         if (counts != counts[0]).any():
+            name = type(self).__module__.rpartition(".")[2].replace("_", "-")
             raise UserError(
-                f"fusion '{type(self).__module__.rpartition('.')[2].replace('_', '-')}' joins the touches to the cloud, so one batch "
-                f"must hold the same number of touches "
-                f"in each row, got {counts.tolist()}: group the rows by their number of touches"
+                f"fusion '{name}' joins the touches to the cloud, so one batch must hold the same number of touches in "
+                f"each row, got {counts.tolist()}: group the rows by their number of touches"
             )
         return torch.cat([points, touches[mask].view(len(points), -1, 3)], dim=1)

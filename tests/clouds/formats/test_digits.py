@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.clouds.formats.digits import fitting, load_rows, words
+from pcsr.clouds.formats.digits import cast_column, load_rows, words
 
 
 @pytest.mark.parametrize("kind", ["f2", "f4", "f8", "i8", "u8", "?"])
@@ -22,10 +22,10 @@ def test_rows_for_other_formats():
 
 
 def test_numbers_fit_a_type_or_are_named():
-    assert fitting(np.array([1.0, 255.0]), np.dtype("u1"), "a").tolist() == [1, 255]
-    assert fitting(np.array([0.1]), np.dtype("f4"), "a").dtype == np.float32
+    assert cast_column(np.array([1.0, 255.0]), np.dtype("u1"), "a").tolist() == [1, 255]
+    assert cast_column(np.array([0.1]), np.dtype("f4"), "a").dtype == np.float32
     for value in (256.0, -1.0, 0.5, np.nan, np.inf):
         with pytest.raises(UserError, match=rf"'a' holds .*{value}.* at point 1, which is no uint8"):
-            fitting(np.array([0, value]), np.dtype("u1"), "a")
+            cast_column(np.array([0, value]), np.dtype("u1"), "a")
     with pytest.raises(UserError, match="at point 0"):
-        fitting(np.array([[0, 0.5]]), np.dtype("i4"), "a")
+        cast_column(np.array([[0, 0.5]]), np.dtype("i4"), "a")

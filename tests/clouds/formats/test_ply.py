@@ -138,7 +138,7 @@ def header(*lines, count=1):
         (header(), "its header has no end"),
         (header("property half w", "end_header", "1 2 3 4"), "the type 'half': char, uchar"),
         (header("rubbish here", "end_header", "1 2 3"), "its header has the line 'rubbish here'"),
-        (header("property float x", "end_header", "1 2 3 4"), "two properties of its vertices have one name"),
+        (header("property float x", "end_header", "1 2 3 4"), "two properties of its vertices have the same name"),
         (header("end_header", "1 2"), "have 2 numbers each, at least 3 are needed"),
         (header("end_header", "1 2 3 4"), "have 4 numbers each, 3 are needed"),
         (header("end_header", "1 2 three"), "rows of numbers cannot be read: could not convert string 'three'"),

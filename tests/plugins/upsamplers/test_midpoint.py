@@ -133,7 +133,7 @@ def test_it_says_why_it_cannot_be_exported():
 
 
 def test_too_few_points_are_refused():
-    with pytest.raises(UserError, match="7 points have no 8 neighbours each"):
+    with pytest.raises(UserError, match="7 points are fewer than the 8 neighbours"):
         trained()(torch.randn(1, 7, 3), torch.randn(1, 7, 6), 4)
 
 

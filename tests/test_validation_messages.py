@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
-from pcsr.mistakes import LONGEST, explained, shown
+from pcsr.validation_messages import LONGEST, explained, shown
 
 
 def said(kind: Any, value: Any) -> str:

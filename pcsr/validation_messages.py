@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a value, in one clause: what it must be, and what it is."""
+"""Messages for pydantic's validation errors, and values shortened for messages."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -6,9 +6,9 @@ from reprlib import Repr
 from typing import Any
 
 LONGEST = 80
-"""Characters of a value that a message shows."""
+"""Most characters of a value in a message."""
 _repr = Repr()
-"""Writes a value without going into all of it: written out in full, lists in lists may never end."""
+"""Formatter that stops early in long and nested values; a list may contain itself."""
 _repr.maxlevel = 4
 _repr.maxlist = _repr.maxtuple = _repr.maxdict = _repr.maxset = 32
 _repr.maxstring = _repr.maxlong = _repr.maxother = 2 * LONGEST
@@ -17,19 +17,19 @@ Context = Mapping[str, Any]
 
 
 def shortened(text: str, longest: int = LONGEST) -> str:
-    """A text, cut where it is long."""
+    """Cut a text to `longest` characters and an ellipsis."""
     return text if len(text) <= longest else f"{text[:longest]}…"
 
 
 def shown(value: Any) -> str:
-    """A value as Python writes it, shortened where it is long.
+    """Return the `repr` of a value, shortened to `LONGEST` characters and an ellipsis.
 
     Args:
-        value: anything; an integer of a million digits and a list that holds itself too.
+        value: any value, including huge integers and lists that contain themselves.
     """
     if isinstance(value, str):
         return shortened(repr(value[: 2 * LONGEST]))
-    if isinstance(value, int) and value.bit_length() > 4 * LONGEST:  # Python refuses to write very long ones
+    if isinstance(value, int) and value.bit_length() > 4 * LONGEST:  # Python refuses to format very long ones
         return f"a number of about {round(value.bit_length() * 0.30103)} digits"
     try:
         return shortened(_repr.repr(value))
@@ -38,37 +38,38 @@ def shown(value: Any) -> str:
 
 
 def shown_path(path: Path) -> str:
-    """A path as it is; of one that no file can have, too long or with a control character, its beginning."""
+    """Return a path as text; one that is too long or has control characters is shortened and quoted."""
     text = str(path)
     return text if text.isprintable() and len(text) < 4096 and len(path.name) < 256 else shown(text)
 
 
 def explained(errors: Sequence[Mapping[str, Any]]) -> str:
-    """What a value must be and what it is: "it must be 1 or more, got -3".
+    """Return one message for the validation errors of one value, such as "it must be 1 or more, got -3".
 
     Args:
-        errors: of `pydantic.ValidationError.errors()`, all about one value: more than one where it failed each branch
-            of a union.
+        errors: items of `pydantic.ValidationError.errors()`, all about the same value. A union gives an error for each
+            of its branches.
     """
     clauses = list(dict.fromkeys(map(_clause, errors)))
     wanted = [clause.removeprefix(MUST) for clause in clauses if clause.startswith(MUST)]
-    said = [clause for clause in clauses if not clause.startswith(MUST)]
+    message = [clause for clause in clauses if not clause.startswith(MUST)]
     if wanted:
-        said.insert(0, MUST + " or ".join(wanted))
+        message.insert(0, MUST + " or ".join(wanted))
     value = errors[0]["input"]
-    # A whole section says nothing of what a validator found in it.
+    # An error of a validator names what is wrong in a section, so that showing the whole section adds nothing.
     got = "" if isinstance(value, Mapping) and not wanted else f", got {shown(value)}"
-    return f"{'; '.join(said)}{got}"
+    return f"{'; '.join(message)}{got}"
 
 
 MUST = "it must be "
+"""Beginning of a message that states a requirement."""
 
 
 def _clause(error: Mapping[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx", {})
     if kind in WANTED:
         return MUST + WANTED[kind](context)
-    # A validator's own words; of a kind that no schema of ours has, what the library says is better than nothing.
+    # The message of a validator, or else pydantic's.
     text = str(context.get("error") or error["msg"])
     return text[:1].lower() + text[1:]
 
@@ -107,4 +108,4 @@ WANTED: dict[str, Callable[[Context], str]] = {
     "string_pattern_mismatch": lambda context: f"text that matches {context['pattern']}",
     "missing_argument": lambda _: "given",
 }
-"""What a value that meets each of pydantic's errors must be; a new kind of constraint gets its line here."""
+"""Requirement that each of pydantic's error types stands for. A new kind of constraint needs an entry here."""
