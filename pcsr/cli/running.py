@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pcsr.cli.options import FILE, jobs_option
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
 
 _OPTIONS = (
-    click.option("--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."),
+    click.option("--runs", type=OUTPUT_FOLDER, default=Path("runs"), show_default=True, help="Where run folders go."),
     click.option(
         "--device",
         type=click.Choice(["auto", "cpu", "cuda"]),

@@ -188,7 +188,7 @@ def test_evaluate_prints_every_metric_with_its_convention(tmp_path):
     told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
     assert told.exit_code == 0, told.output
     assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "the truth fills the unit sphere" in " ".join(told.output.split())
+    assert "normalized by the bounding sphere of the truth" in " ".join(told.output.split())
     plain = run(
         "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
     )
@@ -220,4 +220,4 @@ def test_evaluate_says_why_there_is_no_emd(tmp_path):
     write_points(tmp_path / "b.ply", bowl(30))
     told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
     assert told.exit_code == 0
-    assert "left out: emd compares clouds of one size, got 40 and 30 points: thin one of them" in told.output
+    assert "skipped: emd compares clouds of one size, got 40 and 30 points: thin one of them" in told.output

@@ -238,7 +238,7 @@ def test_a_check_that_runs_on_fails_and_the_others_go_on(tmp_path):
     assert done.returncode == 1, done.stderr
     slow, spoiler = done.stdout.split("encoder 'spoiler'")
     assert "FAILED  shapes: encoder 'slow': it did not end within 15 s" in slow
-    assert "it ended its process, with the exit code 7" in slow
+    assert "it ended its process with exit code 7" in slow
     assert "passed  gradients" in slow
     assert "2 failed" in slow
     assert "changed torch's default dtype to torch.float64" in spoiler
