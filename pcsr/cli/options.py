@@ -50,7 +50,7 @@ class _OutputFolder(_File):
         path: Path = super().convert(value, param, ctx)
         there = next((one for one in (path, *path.parents) if os.path.lexists(one)), Path())
         if not os.path.isdir(there):
-            self.fail(f"'{path}': '{there}' is a file: name a folder", param, ctx)
+            self.fail(f"'{there}' is a file: name a folder", param, ctx)
         return path
 
 

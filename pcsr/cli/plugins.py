@@ -44,7 +44,7 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
         console.print(f"command {command} comes from {owners}{note}", markup=False, soft_wrap=True)
     for failure in registry.failures:
         console.print(
-            f"{failure.owner} {failure.version} failed to load: {failure.said} (pcsr plugins --why {failure.owner})",
+            f"{failure.owner} {failure.version} failed to load: {failure.message} (pcsr plugins --why {failure.owner})",
             style="red",
             markup=False,
             soft_wrap=True,

@@ -90,7 +90,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     from rich.console import Console
 
     from pcsr import report
-    from pcsr.data.built import Built
+    from pcsr.data.built import BuiltData
     from pcsr.experiments.run import packages, run
     from pcsr.experiments.run_options import Place, run_folder
     from pcsr.extras import require
@@ -101,8 +101,8 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     console = Console()
     place = Place(**where)
     if place.data:
-        built = Built.read(place.data)
-        recipes = [built.lay_under(one, registry) for one in recipes]
+        built = BuiltData.read(place.data)
+        recipes = [built.replace_data(one, registry) for one in recipes]
         where_from = " and ".join(map(str, place.data))
         said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
         for line in (said, *built.missing()):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import Progress
 
 import pcsr
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
@@ -110,7 +110,7 @@ def trained(
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
     if place.data:
-        card["data"] = Built.read(place.data).card()
+        card["data"] = BuiltData.read(place.data).card()
     save_weights(folder / WEIGHTS, network, card, registry)
     if place.retrain:
         write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))

@@ -102,7 +102,7 @@ def test_a_bad_name_is_refused(new, name, tmp_path):
         ("none", "module none or class None has another meaning"),
         ("class", "module class or class Class has another meaning"),
         ("fusion", "module fusion or class Fusion has another meaning"),
-        ("touches", "module touches or class TouchBatch has another meaning"),
+        ("register", "module register or class Register has another meaning"),
         ("torch", "pip would replace torch, which is installed"),
         ("json", f"it would hide the module json in {json.__file__}"),
     ],

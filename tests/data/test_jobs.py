@@ -43,5 +43,5 @@ def test_a_plugin_that_is_edited_while_it_is_used_elsewhere_is_not_mixed_in(reci
     assert len(_make_chunk(plain, files, ("train/000",))) == 1, "the same code under another path"
     _worker.cache_clear()
     file.write_text(world.read_text() + "\n")
-    with pytest.raises(RunError, match=r"the code of world\.py is another here than where the building began"):
+    with pytest.raises(RunError, match=r"the code of world\.py differs between the processes of one build"):
         _make_chunk(plain, files, ("train/000",))

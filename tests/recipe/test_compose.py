@@ -148,7 +148,7 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
             r"recipe\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn: break the circle",
         ),
         ("extends: other.yaml", r"other\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn"),
-        ("extends: [a, b]", r"recipe\.yaml:1:10: extends names one recipe file, got \['a', 'b'\]"),
+        ("extends: [a, b]", r"recipe\.yaml:1:10: extends must be one recipe file, got \['a', 'b'\]"),
     ],
 )
 def test_extends_that_leads_nowhere(write, text, said):
@@ -188,7 +188,7 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
         ("=3", "write --set dotted.key=value"),
         ("train..epochs=3", "write --set dotted.key=value"),
         ("train.epochs=[1", "expected ',' or ']'"),
-        ("extends=other.yaml", "extends is read before --set"),
+        ("extends=other.yaml", "extends cannot be set by an option"),
     ],
 )
 def test_a_set_that_cannot_be_read_is_kept_as_a_mistake(write, override, said):
@@ -304,7 +304,7 @@ def test_a_matrix_varies_no_composition(write, axis):
     (made,) = compose(write(f"name: a\nmatrix: {{seed: [1], {axis}: [x, y]}}"))
     (mistake,) = made.mistakes
     assert (mistake.place.line, mistake.place.column) == (2, 21)
-    assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"
+    assert mistake.text == f"a matrix cannot vary '{axis}': write it at the top level of the file"
 
 
 def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
@@ -341,8 +341,8 @@ def test_a_study_may_have_a_matrix_too(write):
 @pytest.mark.parametrize(
     ("recipes", "said"),
     [
-        ("one.yaml", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
-        ("[]", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
+        ("one.yaml", r"recipe\.yaml:2:10: recipes must be a list of recipe files"),
+        ("[]", r"recipe\.yaml:2:10: recipes must be a list of recipe files"),
         ("[3]", r"recipe\.yaml:2:11: a recipe to compare is a file, or"),
         ("[{seed: 3}]", r"recipe\.yaml:2:\d+: a recipe to compare is a file, or"),
         ("[nothing.yaml]", r"recipe\.yaml:2:11: there is no recipe .*nothing\.yaml: it is relative to this file"),
