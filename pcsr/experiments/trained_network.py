@@ -13,7 +13,7 @@ from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
+from pcsr.experiments.finished_runs import WEIGHTS, EarlierWeights, of_other_code, of_recipe
 from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.train import CHECKPOINT, HISTORY, train
 from pcsr.files import write_text
@@ -121,7 +121,7 @@ def trained(
 
 
 def _kept(
-    recipe: Recipe, earlier: Earlier | None, registry: Registry, place: Place, progress: Progress
+    recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, place: Place, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
     """The network with weights of other code, which whoever reads the results is told.
 

@@ -78,7 +78,7 @@ def _row(split: Split, k: int) -> dict[str, Any]:
     shown = [
         view(f"(a) truth, {len(truth)} points", plain(truth, "truth", 1.6)),
         view(
-            f"(b) {len(points)} points, {len(touches)} touches that cover {split.covered[k][-1] if len(touches) else 0:.1%}",
+            f"(b) {len(points)} points, {len(touches)} touches, {split.covered[k][-1] if len(touches) else 0:.1%} covered",
             plain(points, "input", 2.5),
             *([plain(felt, "touch", 2.0)] if len(felt) else []),
         ),

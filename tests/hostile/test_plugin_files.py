@@ -120,15 +120,15 @@ def test_a_constructor_that_changes_something(write):
 @pytest.mark.parametrize(
     ("register", "said"),
     [
-        ("register.fusion(3, Mine)", "3 is no valid name for a part (fusion of"),
-        ("register.fusion('', Mine)", "'' is no name"),
-        ("register.fusion('my fusion', Mine)", "'my fusion' is no name"),
-        ("register.fusion('a\\nb', Mine)", "is no name"),
-        ("register.fusion('a' * 300, Mine)", "is no valid name for a part (fusion"),
+        ("register.fusion(3, Mine)", r"3 is no valid name for a part \(fusion of"),
+        ("register.fusion('', Mine)", "'' is no valid name"),
+        ("register.fusion('my fusion', Mine)", "'my fusion' is no valid name"),
+        ("register.fusion('a\\nb', Mine)", "is no valid name"),
+        ("register.fusion('a' * 300, Mine)", "is no valid name for a part \\(fusion"),
         ("register.fusion('mine', 3)", "fusion 'mine' of .* is 3: register its class"),
         ("register.fusion('mine', lambda: 3)", "fusion 'mine' of .* register its class"),
         ("register.fusion('mine', Mine(None))", "fusion 'mine' of .* register its class"),
-        ("register.fusion(['mine'], Mine)", "is no name"),
+        ("register.fusion(['mine'], Mine)", "is no valid name"),
     ],
 )
 def test_a_part_or_a_name_that_is_none(limited, write, tmp_path, register, said):
@@ -243,5 +243,5 @@ def test_a_check_that_runs_on_fails_and_the_others_go_on(tmp_path):
     assert "2 failed" in slow
     assert "changed torch's default dtype to torch.float64" in spoiler
     assert done.stderr.strip() == (
-        "pcsr: error: encoder 'slow', encoder 'spoiler' failed: what to do stands beside each check that did"
+        "pcsr: error: encoder 'slow', encoder 'spoiler' failed: the line of each failed check says how to mend it"
     )

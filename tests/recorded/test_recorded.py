@@ -14,7 +14,7 @@ from pcsr import RunError, Touch, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LaidOut, Recorded, check_entry, checked
+from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
 from pcsr.recorded.pose import sensor_to_object, turn
 
 HEAD = {"format": 1, "unit": "mm", "object_unit": "m", "frame": "sensor", "sensor": "digit"}
@@ -145,7 +145,7 @@ def test_a_height_image_is_placed_by_its_pose(folder):
     np.save(folder / "3.npy", -levels.astype(np.float32))
     touch = only(folder, entry | {"height": "3.npy", "indentation": "negative"}, object_unit="mm")
     np.testing.assert_allclose(touch.points, [[-1.5, 1, 11], [1, 0.5, 13], [-1.5, -1, 12]], rtol=1e-6)
-    assert "no contact: none of its 35 pixels" in reason(folder, entry | {"indentation": "negative"})
+    assert "no contact: none of the 35 pixels" in reason(folder, entry | {"indentation": "negative"})
 
 
 def test_a_depth_image_is_placed_by_its_pose(folder):
@@ -186,10 +186,10 @@ def test_fingers_are_one_touch(folder):
     [
         ([{"cloud": "0.npy", "pose": STILL}, {"cloud": "9.npy", "pose": STILL}], r"fingers.1: .*9.npy cannot be read"),
         ([{"cloud": "0.npy", "pose": STILL}, {"cloud": "0.npy"}], "fingers.1: pose is missing"),
-        ([{"cloud": None, "pose": STILL}], "none of its fingers felt anything"),
-        ([{"fingers": [{"cloud": "0.npy"}]}], "fingers.0: it says none: it needs one of cloud, height, depth"),
+        ([{"cloud": None, "pose": STILL}], "none of its fingers has any contact"),
+        ([{"fingers": [{"cloud": "0.npy"}]}], "fingers.0: it has none of the keys cloud, height, depth"),
         ([], "fingers: it must be a list of 1 item or more"),
-        ([{"cloud": "0.npy", "pos": STILL}], "fingers.0.pos: no such key here: did you mean 'pose'"),
+        ([{"cloud": "0.npy", "pos": STILL}], "fingers.0.pos: unknown key: did you mean 'pose'"),
     ],
 )
 def test_a_grasp_with_a_bad_finger_is_left_out(folder, fingers, expected):
@@ -207,7 +207,7 @@ def test_fingers_with_and_without_a_pose_do_not_go_together(folder):
 def test_an_order_that_is_none_is_refused(folder, order):
     np.save(folder / "order.npy", order)
     text = reason(folder, {"fingers": [{"cloud": "0.npy", "pose": STILL}], "order": "order.npy"})
-    assert "order: it does not name each of the 2 points once" in text
+    assert "order: it must contain the index of each of the 2 points once" in text
 
 
 # --- mistakes ---
@@ -218,7 +218,7 @@ def test_an_order_that_is_none_is_refused(folder, order):
     [
         ({"cloud": "0.npy"}, "touches.1: pose is missing"),
         ({"cloud": None, "pose": STILL}, "touches.1.cloud: only a finger of a grasp"),
-        ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: no unit of that name"),
+        ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: unknown unit"),
         ({"cloud": "0.npy", "pose": STILL | {"quaternion": [0, 0, 0, 0]}}, "pose.quaternion: its norm is 0, not 1"),
         ({"cloud": "0.npy", "pose": STILL | {"order": "wxzy"}}, "touches.1.pose.order: it must be 'xyzw' or"),
         ({"cloud": "9.npy", "pose": STILL}, "9.npy cannot be read: No such file"),
@@ -226,8 +226,8 @@ def test_an_order_that_is_none_is_refused(folder, order):
         ({"cloud": "/0.npy", "pose": STILL}, "file '/0.npy' is not inside"),
         ({"cloud": "touches.json", "pose": STILL}, "no cloud format '.json'"),
         ({"height": "0.npy", "pose": STILL}, "touches.1.mm_per_level is missing: add it; touches.json: touches.1.mm"),
-        ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it says cloud and depth: it needs one of"),
-        ("0.npy", "touches.1: it says none"),
+        ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it has cloud and depth of the keys"),
+        ("0.npy", "touches.1: it has none of the keys"),
         ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be 0 or more, got -1"),
     ],
 )
@@ -253,14 +253,14 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
     ("text", "expected"),
     [
         (None, r"touches\.json cannot be read: No such file or directory: a recording has one"),
-        ("{", r"touches\.json is no JSON: .*line 1 column 2"),
-        (b"\xff", r"touches\.json is no JSON"),
-        ("[" * 100_000, r"touches\.json is no JSON"),
+        ("{", r"touches\.json is not valid JSON: .*line 1 column 2"),
+        (b"\xff", r"touches\.json is not valid JSON"),
+        ("[" * 100_000, r"touches\.json is no manifest of touches: it is nested too deeply"),
         ("[]", r"touches\.json holds a list"),
-        ({"unit": "furlong"}, r"touches\.json: unit: no unit of that name: m, cm, mm, um, in, .*got 'furlong'"),
+        ({"unit": "furlong"}, r"touches\.json: unit: unknown unit: use m, cm, mm, um, in, .*got 'furlong'"),
         ({"unit": -1}, r"touches\.json: unit: it must be more than 0, got -1"),
         ({"unit": True}, r"touches\.json: unit: "),
-        ({"units": "m"}, r"touches\.json: units: no such key here: did you mean 'unit'\?"),
+        ({"units": "m"}, r"touches\.json: units: unknown key: did you mean 'unit'\?"),
         ({"format": 2}, r"touches\.json: format: it must be 1, got 2"),
         ({"frame": "world"}, r"touches\.json: frame: it must be 'sensor' or 'object', got 'world'"),
         ({"axes": "z"}, r"touches\.json: axes: "),
@@ -294,7 +294,7 @@ def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
     [
         ({"name": "smith2020"}, "layout.name: no layout 'smith2020': did you mean 'smith-2020'"),
         ({}, "layout.name: no layout None"),
-        ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: no such key here: did you mean 'per'"),
+        ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: unknown key: did you mean 'per'"),
         ({"name": "smith-2020"}, "holds no <grasp>.npy"),
         (7, "layout: it must be a mapping"),
     ],
@@ -383,8 +383,8 @@ def test_a_recording_that_was_not_finished_has_no_manifest_and_can_be_written_ag
 @pytest.mark.parametrize(
     ("touches", "expected"),
     [
-        ([], r"one unit, got \[\]"),
-        ([one_touch(), one_touch(unit=2.0, poses=np.zeros((0, 4, 4)))], r"one unit, got \[1.0, 2.0\]"),
+        ([], r"the same unit, got units of \[\]"),
+        ([one_touch(), one_touch(unit=2.0, poses=np.zeros((0, 4, 4)))], r"the same unit, got units of \[1.0, 2.0\]"),
         ([one_touch(points=CLOUD * np.nan)], "touch 0 by 'x' cannot be recorded"),
         ([one_touch(points=CLOUD[:0], finger=np.zeros(0, np.int64))], "cannot be recorded: it has 0 points"),
         ([one_touch(finger=np.array([0, 1]))], "of 2 fingers and 1 poses"),
@@ -413,14 +413,14 @@ EXAMPLES = [json.loads(text) for text in re.findall(r"```json\n(.*?)```", PAGE, 
 def test_the_examples_of_the_page_are_right():
     manifests = [example for example in EXAMPLES if "touches" in example]
     for example in manifests:
-        recorded = checked(Recorded, example, "")
+        recorded = checked(RecordingManifest, example, "")
         for index, value in enumerate(recorded.touches):
             entry = check_entry(value, f"touches.{index}")
             fingers = entry.fingers if isinstance(entry, GraspEntry) else [value]
             for finger in fingers:
                 pose = check_entry(finger, "finger", in_grasp=True).pose
                 sensor_to_object(pose, recorded.unit, recorded.object_unit)
-    said = [checked(LaidOut, example, "").layout for example in EXAMPLES if "layout" in example]
+    said = [checked(LayoutManifest, example, "").layout for example in EXAMPLES if "layout" in example]
     for layout in said:
         options, _ = LAYOUTS[layout.pop("name")]
         checked(options, layout, "layout")
@@ -443,7 +443,7 @@ def test_the_page_names_every_layout_and_key():
         section = PAGE.split(f"### {name}\n")[1].split("\n## ")[0].split("\n### ")[0]
         for key in options.model_fields:
             assert f'"{key}"' in section or f"`{key}`" in section, f"{name}: {key}"
-    for key in {**Recorded.model_fields, **UNITS}:
+    for key in {**RecordingManifest.model_fields, **UNITS}:
         assert f"`{key}`" in PAGE
 
 
@@ -458,7 +458,7 @@ def test_a_key_that_is_written_twice_is_a_mistake(tmp_path):
 def test_a_file_of_somebody_elses_is_never_overwritten(tmp_path):
     (tmp_path / "0.ply").write_text("a mesh")
     for overwrite in (False, True):
-        with pytest.raises(UserError, match=r"0\.ply is there already and of no recording"):
+        with pytest.raises(UserError, match=r"0\.ply exists already and belongs to no recording"):
             write(tmp_path, [one_touch()], overwrite=overwrite)
     assert (tmp_path / "0.ply").read_text() == "a mesh"
     assert not (tmp_path / MANIFEST).exists()
