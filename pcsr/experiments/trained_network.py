@@ -15,7 +15,7 @@ from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.finished_runs import WEIGHTS, EarlierWeights, of_other_code, of_recipe
 from pcsr.experiments.run_options import Place, run_folder
-from pcsr.experiments.train import CHECKPOINT, HISTORY, train
+from pcsr.experiments.train import CHECKPOINT, HISTORY, checkpoint_step, train
 from pcsr.files import write_text
 from pcsr.network.load import load_weights, save_weights
 from pcsr.network.network import Network
@@ -81,7 +81,10 @@ def trained(
             remedy = "training again; --keep-weights measures the old weights with the new code"
             progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
         why = "--retrain" if place.retrain else "no weights of exactly this recipe yet"
-        progress.console.print(f"{why}: training, {recipe.train.epochs} epochs")
+        step = checkpoint_step(training_folder, fingerprint)
+        epochs = f"{recipe.train.epochs} epochs"
+        doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
+        progress.console.print(f"{why}: {doing}")
     task = progress.add_task("training", total=None)
     network = train(
         recipe,

@@ -214,7 +214,7 @@ def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
         return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area)
     if sensor_pose is None:
-        raise UserError("pose is missing: an image is in the sensor's frame; add it")
+        raise UserError("pose is missing: an image is in the frame of the sensor; add it")
     touched, area = _contact(folder, entry)
     return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area)
 

@@ -74,13 +74,14 @@ def _nearest(name: str, known: Sequence[str]) -> str:
 def _row(split: Split, k: int) -> dict[str, Any]:
     """Truth; sparse cloud (blue) with the touches (red); the first touch, close up."""
     truth, points, touches = (clouds[k].numpy() for clouds in (split.truth, split.points, split.touches))
-    felt = touches.reshape(-1, 3)
+    touched = touches.reshape(-1, 3)
+    covered = split.covered[k][-1] if len(touches) else 0
     shown = [
         view(f"(a) truth, {len(truth)} points", plain(truth, "truth", 1.6)),
         view(
-            f"(b) {len(points)} points, {len(touches)} touches, {split.covered[k][-1] if len(touches) else 0:.1%} covered",
+            f"(b) {len(points)} points, {len(touches)} touches, {covered:.1%} covered",
             plain(points, "input", 2.5),
-            *([plain(felt, "touch", 2.0)] if len(felt) else []),
+            *([plain(touched, "touch", 2.0)] if len(touched) else []),
         ),
     ]
     if len(felt):

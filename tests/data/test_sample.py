@@ -112,7 +112,7 @@ def test_no_touches_ask_nobody(recipe):
 
 @pytest.mark.parametrize("sizes", [(30,), (30, 20), ()])
 def test_a_source_that_gives_something_else_is_named(recipe, sizes):
-    with pytest.raises(UserError, match=r"shelf/ball: its touch source gave .* where 2 touches of one size"):
+    with pytest.raises(UserError, match=r"shelf/ball: its touch source returned .* instead of 2 touches of equal size"):
         made(recipe, source=Corner(sizes))
 
 

@@ -10,8 +10,8 @@ from pcsr.data.built import BuiltData
 
 def test_reading_much_data_is_shown(monkeypatch):
     built = BuiltData.read([Path(__file__).with_name("version_0_1")])
-    for moment, described in ((module.MOMENT, []), (0, ["checking the train data"])):
-        monkeypatch.setattr(module, "MOMENT", moment)
+    for moment, described in ((module.QUIET_SIZE, []), (0, ["checking the train data"])):
+        monkeypatch.setattr(module, "QUIET_SIZE", moment)
         progress = Progress(disable=True)
         assert len(module._checked(built, "train", progress)) == 2
         assert [task.description for task in progress.tasks] == described

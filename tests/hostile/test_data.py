@@ -169,7 +169,7 @@ def _empty(tensors, card):
     [
         (_names, "it has 3 names and 2 groups"),
         (_all_names, "its truth have shape (2, 32, 3), for 3 objects"),
-        (_half, "its truth are F16, a shard's are F32"),
+        (_half, "its truth are F16 instead of F32"),
         (_flat, "its points have shape (2, 48)"),
         (_plane, "its points have shape (2, 16, 2)"),
         (_nan, "its touches have a coordinate that is not finite"),
@@ -177,7 +177,7 @@ def _empty(tensors, card):
         (_point, "spheres.0.3: it must be more than 0, got 0.0"),
         (_infinite, "spheres.0.0: it must be a finite number, got inf"),
         (_touches, "its touches have shape (2, 2, 8, 3)"),
-        (_uneven, "its coverage is of 2 and 3 touches"),
+        (_uneven, "its coverage lists 2 and 3 touches"),
         (_other, "belongs to other data"),
         (_empty, "fingerprint: it is missing (and 7 more)"),
     ],

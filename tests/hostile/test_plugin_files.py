@@ -124,7 +124,7 @@ def test_a_constructor_that_changes_something(write):
         ("register.fusion('', Mine)", "'' is no valid name"),
         ("register.fusion('my fusion', Mine)", "'my fusion' is no valid name"),
         ("register.fusion('a\\nb', Mine)", "is no valid name"),
-        ("register.fusion('a' * 300, Mine)", "is no valid name for a part \\(fusion"),
+        ("register.fusion('a' * 300, Mine)", r"is no valid name for a part \(fusion"),
         ("register.fusion('mine', 3)", "fusion 'mine' of .* is 3: register its class"),
         ("register.fusion('mine', lambda: 3)", "fusion 'mine' of .* register its class"),
         ("register.fusion('mine', Mine(None))", "fusion 'mine' of .* register its class"),

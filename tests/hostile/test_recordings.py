@@ -67,7 +67,7 @@ def test_one_file_a_thousand_times(tmp_path, monkeypatch):
         (b'{"format": 1, "format": 1}', "'format' is written twice"),
         (b"{" + b",".join(b'"k%d": 1' % n for n in range(30_000)) + b"}", "more mistakes"),
         (b'{"format": 1, "layout": {"name": "' + b"a" * 100_000 + b'"}}', "no layout"),
-        (b"\xff\xfe", "no JSON"),
+        (b"\xff\xfe", "not valid JSON"),
     ],
 )
 def test_manifests_that_are_none(touched, text, words):

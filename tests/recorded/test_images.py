@@ -36,7 +36,7 @@ def test_arrays_of_any_numbers_are_images(tmp_path, dtype):
 def test_pictures_in_colour_are_refused(tmp_path, mode):
     name = "a.jpg" if mode == "CMYK" else "a.png"
     Image.new(mode, (4, 3)).save(tmp_path / name)
-    with pytest.raises(UserError, match=rf"is an image of mode {mode}: heights, depths and masks are grey"):
+    with pytest.raises(UserError, match=rf"is an image of mode {mode}: heights, depths and masks must be grey"):
         read_image(tmp_path / name)
 
 

@@ -119,7 +119,7 @@ def test_only_a_finger_may_have_felt_nothing_and_holds_no_fingers():
     assert check_entry({"cloud": None}, "touches.0.fingers.1", in_grasp=True).cloud is None
     with pytest.raises(UserError, match=r"touches\.0\.cloud: only a finger"):
         check_entry({"cloud": None}, "touches.0")
-    with pytest.raises(UserError, match="it needs one of cloud, height, depth"):
+    with pytest.raises(UserError, match="it has none of the keys cloud, height, depth"):
         check_entry({"fingers": [{}]}, "touches.0.fingers.1", in_grasp=True)
 
 

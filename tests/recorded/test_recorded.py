@@ -239,7 +239,7 @@ def test_a_bad_entry_is_left_out_and_the_others_go_on(folder, touch, expected):
 
 def test_images_need_a_pose_in_any_frame(folder):
     entry = {"height": "0.npy", "mm_per_level": 1, "mm_per_pixel": 1, "contact_above": 0, "indentation": "positive"}
-    assert "pose is missing: where the sensor was" in reason(folder, entry, frame="object")
+    assert "pose is missing: an image is in the frame of the sensor" in reason(folder, entry, frame="object")
 
 
 def test_where_nothing_is_of_use_all_reasons_are_given(folder):
@@ -252,7 +252,7 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (None, r"touches\.json cannot be read: No such file or directory: a recording has one"),
+        (None, r"touches\.json cannot be read: No such file or directory: every recording has one"),
         ("{", r"touches\.json is not valid JSON: .*line 1 column 2"),
         (b"\xff", r"touches\.json is not valid JSON"),
         ("[" * 100_000, r"touches\.json is no manifest of touches: it is nested too deeply"),
@@ -267,7 +267,7 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
         ({"touches": []}, r"touches\.json: touches: "),
         ({"pose_to": "world"}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
         ({"object_pose": STILL}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
-        ({"layout": {"name": "smith-2020"}}, "says touches and layout"),
+        ({"layout": {"name": "smith-2020"}}, "it has the keys touches and layout"),
     ],
 )
 def test_a_manifest_with_mistakes_is_refused_as_a_whole(folder, text, expected):

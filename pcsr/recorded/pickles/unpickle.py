@@ -65,7 +65,7 @@ class _Reader(pickle._Unpickler):
         inert = any(full == one or full.startswith(f"{one}.") for one in self.harmless)
         if not inert and full not in MAKERS:
             raise UserError(
-                f"{self.path} asks to run `{module}.{name}`, which a data file does not need: it was not run; "
+                f"{self.path} asks to run `{module}.{name}`, which a data file has no need for: it was not run; "
                 f"ask the author of the file for plain arrays"
             )
         if full not in self.names:

@@ -97,7 +97,7 @@ def test_a_hostile_file_is_left_out_and_not_run(tmp_path):
     save(tmp_path, 1, grasp(gel=Hostile(tmp_path / "bad")))
     recording = say(tmp_path)
     assert recording.names == ["0"]
-    assert "1.npy asks to run `posix.system`, which a data file does not need" in recording.skipped["1"]
+    assert "1.npy asks to run `posix.system`, which a data file has no need for" in recording.skipped["1"]
     assert not (tmp_path / "bad").exists()
 
 
