@@ -29,11 +29,11 @@ def watched() -> Iterator[list[str]]:
 
 
 @contextmanager
-def guarded(who: str) -> Iterator[None]:
+def guarded(owner: str) -> Iterator[None]:
     """Do as `watched`, and warn of each change.
 
     Args:
-        who: owner of the code in the context, for the warning: "plugin lab.py".
+        owner: what the code in the context belongs to, for the warning: "plugin lab.py".
 
     Warns:
         PcsrWarning: the code changed a setting.
@@ -42,18 +42,18 @@ def guarded(who: str) -> Iterator[None]:
         with watched() as changes:
             yield
     finally:
-        _warn(who, changes)
+        _warn(owner, changes)
 
 
 @contextmanager
-def guarded_import(who: str) -> Iterator[None]:
+def guarded_import(owner: str) -> Iterator[None]:
     """Do as `guarded`, for the import of a module: the standard streams and `sys.path` are restored too.
 
     Standard output is redirected to standard error, since `pcsr upsample -o -` writes a cloud to standard output.
     Standard input is empty. One thread at a time is inside such a context.
 
     Args:
-        who: owner of the code in the context, for the warning.
+        owner: what the code in the context belongs to, for the warning.
 
     Warns:
         PcsrWarning: the code changed a setting, a stream or `sys.path`.
@@ -64,7 +64,7 @@ def guarded_import(who: str) -> Iterator[None]:
         streams = [_Stream("stdin", StringIO())]
         streams += [_Stream("stdout", _StandIn(stderr)), _Stream("stderr", _StandIn(stderr))]
         try:
-            with guarded(who):
+            with guarded(owner):
                 yield
         finally:
             changes = [f"sys.{stream.name}" for stream in streams if stream.restore()]
@@ -72,7 +72,7 @@ def guarded_import(who: str) -> Iterator[None]:
             if removed or not all(isinstance(one, str) for one in sys.path):
                 sys.path[:] = path
                 changes.append("sys.path")
-            _warn(who, changes)
+            _warn(owner, changes)
 
 
 LOADING = threading.RLock()
@@ -135,6 +135,6 @@ class _StandIn:
         return getattr(self._stream, name)
 
 
-def _warn(who: str, changes: list[str]) -> None:
+def _warn(owner: str, changes: list[str]) -> None:
     for change in changes:
-        warnings.warn(f"{who} changed {change}: restored, as it would change other parts' results", PcsrWarning, 4)
+        warnings.warn(f"{owner} changed {change}: restored, as it would change other parts' results", PcsrWarning, 4)

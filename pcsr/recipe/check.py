@@ -1,4 +1,4 @@
-"""Validation of recipes, which reports all mistakes at once, each with its place in the file and a remedy."""
+"""Validation of recipes, which reports all mistakes at once, each with its location in the file and a remedy."""
 
 import copy
 import json
@@ -17,14 +17,14 @@ from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patche
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 
 Locate = Callable[[Keys, bool], Place]
-"""Function from the keys of a value to its place in the file, or, if the flag is true, to the place of its last key."""
+"""Function from the keys of a value to its location in the file or, if the flag is true, to that of its last key."""
 
 
 def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.keys()) -> Recipe:
     """Validate the data of a recipe.
 
     Args:
-        source: data of the recipe, with its places in files.
+        source: data of the recipe, with the locations of its values.
         registry: installed parts.
         parts: keys of `PARTS` whose parts are checked. A part at another key need not be installed, and keeps its
             options unchecked.
@@ -51,7 +51,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
         mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.place(keys, of_name=name))
-    # One mistake for each place: a value that could not be read has the wrong type too.
+    # One mistake for each location: a value that could not be read has the wrong type too.
     unread = {mistake.place for mistake in source.mistakes}
     mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.place not in unread)]
     if recipe is not None and not mistakes:

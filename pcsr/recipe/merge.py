@@ -1,4 +1,4 @@
-"""Merging of recipes: mappings key by key, parts with their options; each value keeps its place in its file."""
+"""Merging of recipes: mappings key by key, parts with their options; each value keeps its location in its file."""
 
 import copy
 from typing import Any
@@ -29,10 +29,12 @@ def merge(base: Source, override: Source) -> Source:
     """
     merged = base.copy()
     updated, replaced = _update(merged.data, override.data, ())
-    for places, new_places in ((merged.values, override.values), (merged.names, override.names)):
-        for known in [keys for keys in places if _inside(keys, replaced)]:
-            del places[known]
-        places |= {keys: place for keys, place in new_places.items() if keys in updated or _inside(keys, replaced)}
+    for locations, new_locations in ((merged.values, override.values), (merged.names, override.names)):
+        for known in [keys for keys in locations if _inside(keys, replaced)]:
+            del locations[known]
+        locations |= {
+            keys: place for keys, place in new_locations.items() if keys in updated or _inside(keys, replaced)
+        }
     merged.values[()] = override.values[()]
     merged.mistakes += override.mistakes
     return merged
@@ -77,8 +79,8 @@ def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | N
         source: recipe to change.
         keys: keys of the value.
         value: new value.
-        place: place of the value in its file.
-        name: place of the key; that of the value by default.
+        place: location of the value in its file.
+        name: location of the key; that of the value by default.
     """
     if keys[0] == "model" and len(keys) > 1:  # a recipe without a model has the default one, which is changed here
         source.data.setdefault("model", copy.deepcopy(DEFAULTS["model"]))

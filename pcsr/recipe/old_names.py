@@ -110,7 +110,7 @@ def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
 
 
 def _move(source: Source, old: Keys, new: Keys) -> bool:
-    """Move a value and its place in the file from one key to another, and return whether it was moved.
+    """Move a value and its location in the file from one key to another, and return whether it was moved.
 
     If the new key exists too, nothing is moved, and the old key is later reported as unknown.
     """

@@ -84,7 +84,7 @@ def _row(split: Split, k: int) -> dict[str, Any]:
             *([plain(touched, "touch", 2.0)] if len(touched) else []),
         ),
     ]
-    if len(felt):
+    if len(touched):
         alone = view(f"(c) the first touch, {len(touches[0])} points", plain(touches[0], "touch", 3.0))
         shown.append({**alone, "range": cube(touches[0])})
     return {"name": split.names[k], "limit": 1.0, "range": cube(truth, points), "views": shown}

@@ -72,22 +72,22 @@ class _Reader(pickle._Unpickler):
             self.names[full] = type("_Named", (StandIn,), {"name": full, "inert": inert})
         return self.names[full]
 
-    def check_tuple(self, made: Any) -> None:
+    def check_tuple(self, value: Any) -> None:
         """Check that a tuple is neither too deep nor too large to be hashed.
 
         Raises:
             UserError: it is nested deeper than `DEEPEST`, or has more than `LARGEST_TUPLE` items.
         """
-        inner = [self.nested.get(id(one), (1, len(one), one)) for one in made if isinstance(one, tuple)]
+        inner = [self.nested.get(id(one), (1, len(one), one)) for one in value if isinstance(one, tuple)]
         depth = 1 + max((inner_depth for inner_depth, _, _ in inner), default=0)
-        size = len(made) + sum(inner_size for _, inner_size, _ in inner)
+        size = len(value) + sum(inner_size for _, inner_size, _ in inner)
         if depth > DEEPEST or size > LARGEST_TUPLE:
             raise UserError(
                 f"{self.path} nests tuples {depth} deep with {size} items in all: no data file needs more than "
                 f"{DEEPEST} and {LARGEST_TUPLE}"
             )
         if depth > 1:
-            self.nested[id(made)] = (depth, size, made)  # the reference keeps the id from being reused
+            self.nested[id(value)] = (depth, size, value)  # the reference keeps the id from being reused
 
 
 def _checked(load: Callable[..., None]) -> Callable[[_Reader], None]:
