@@ -138,15 +138,14 @@ class BuiltData:
         return replaced.model_copy(update={"code": code})
 
     def _check_touches(self, recipe: Recipe) -> None:
-        wanted = (
-            recipe.data.touches if recipe.weights else recipe.most_touches
-        )  # `train.touches` counts in training only
+        # `train.touches` matters only if the recipe is trained.
+        needed = recipe.data.touches if recipe.weights else recipe.most_touches
         for folder, manifest in zip(self.folders, self.manifests, strict=True):
             has = manifest.data.touches
-            if wanted > has:
+            if needed > has:
                 raise UserError(
-                    f"{folder} has {has} touches of each object, and '{recipe.name}' needs {wanted}: "
-                    f"build it with --set touches={wanted}, or lower data.touches and train.touches"
+                    f"{folder} has {has} touches of each object, and '{recipe.name}' needs {needed}: "
+                    f"build it with --set touches={needed}, or lower data.touches and train.touches"
                 )
 
     def _check_meshes(self, recipe: Recipe, testing: Sequence[int]) -> None:

@@ -249,7 +249,7 @@ def test_weights_that_did_not_note_their_code_are_not_taken_for_those_of_this_co
     trained.save_weights(path, pcsr.load(path, plugins=["mine.py"]).network, card, registry)
     path.parent.rename("runs/smoke-of-old")
     said = " ".join(call().split())
-    assert "runs/smoke-of-old was trained by a version of pcsr that did not note the code of" in said
+    assert "runs/smoke-of-old was trained by a version of pcsr that did not record the code of" in said
     assert "fusion 'mine' (mine.py): training again" in said
 
 
