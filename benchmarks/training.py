@@ -43,7 +43,7 @@ def split(count: int, points: int = 512, rate: int = 16, touch_points: int = 512
         points=list(truth[:, ::rate]),
         touches=list(truth[torch.arange(count)[:, None, None], near]),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
-        felt=[(0.1, 0.2, 0.3, 0.4)] * count,
+        covered=[(0.1, 0.2, 0.3, 0.4)] * count,
         about={},
     )
 

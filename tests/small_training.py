@@ -47,7 +47,7 @@ def split(count: int, seed: int) -> Split:
         points=list(truth[:, ::4].clone()),
         touches=list(truth[:, :32].reshape(count, 2, 16, 3).clone()),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
-        felt=[(0.1, 0.2)] * count,
+        covered=[(0.1, 0.2)] * count,
         about={},
     )
 

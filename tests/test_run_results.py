@@ -43,7 +43,7 @@ def split():
         points=list(truth[:, ::4].clone()),
         touches=list(touches),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * OBJECTS,
-        felt=[(0.1, 0.2, 0.3)] * OBJECTS,
+        covered=[(0.1, 0.2, 0.3)] * OBJECTS,
         about={"fingerprint": "f", "rejected": {"object 9": "too small"}},
     )
 

@@ -1,7 +1,7 @@
 """The command line: `pcsr COMMAND`. A command's module is imported when the command is called, not before."""
 
 # isort: off
-from pcsr.cli import interrupt  # before all that takes its time
+from pcsr.cli import interrupt  # first: Ctrl-C is handled while the slower imports run
 
 # isort: on
 import errno
@@ -25,38 +25,43 @@ GROUP = "pcsr.commands"
 
 
 class BuiltIn(NamedTuple):
-    """A command of ours: where it is, and the line that stands for it in `pcsr --help`."""
+    """Built-in command: its import path, and its line in `pcsr --help`."""
 
     target: str
+    """`module:attribute` of the click command."""
     summary: str
 
 
 COMMANDS = {
     "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud dense and write it."),
-    "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud beside the true one."),
+    "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud against the true one."),
     "view": BuiltIn("pcsr.cli.view:view", "Open a window with clouds side by side."),
-    "export": BuiltIn("pcsr.cli.export:export", "Write a network as ONNX, or its weights."),
+    "export": BuiltIn("pcsr.cli.export:export", "Export a network to ONNX, or its weights to a file."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
-    "compare": BuiltIn("pcsr.cli.compare:compare", "Train and measure recipes, or one with several parts, alike."),
-    "figures": BuiltIn("pcsr.cli.figures:figures", "Draw the pictures of runs as PNG files."),
-    "data": BuiltIn("pcsr.cli.data:data", "Build data sets of clouds and touches, and say what they hold."),
+    "compare": BuiltIn("pcsr.cli.compare:compare", "Train and evaluate recipes or parts under equal conditions."),
+    "figures": BuiltIn("pcsr.cli.figures:figures", "Draw the figures of finished runs as PNG files."),
+    "data": BuiltIn("pcsr.cli.data:data", "Build and inspect data sets of clouds and touches."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
-    "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List the parts that recipes may name, and who brings them."),
+    "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List, check and write plugins and their parts."),
 }
 
 
 class Foreign(NamedTuple):
-    """A command that an installed distribution announces. Reading this much of it imports nothing."""
+    """Command that an installed distribution announces; it is not imported yet."""
 
     owner: str
+    """Name of the distribution."""
     point: Any
-    """An `importlib.metadata.EntryPoint`, or the like of the backport."""
+    """`importlib.metadata.EntryPoint`, or its equal in the backport `importlib_metadata`."""
 
 
 def foreign_commands() -> dict[str, list[Foreign]]:
-    """Announced commands by name. More than one of a name is settled when it is called."""
-    # The names of those alone that announce something: reading all of them takes longer than all else in a help page.
+    """Return the commands that installed distributions announce, by name.
+
+    Several distributions may announce the same name; that is an error only when the command is called.
+    """
+    # Metadata is read only for distributions that announce a command: reading all would double the time of --help.
     announced = [
         Foreign(str(distribution.metadata["Name"]), point)
         for distribution in distributions()
@@ -70,17 +75,17 @@ def foreign_commands() -> dict[str, list[Foreign]]:
 
 
 class Commands(click.Group):
-    """The group of all commands; the shell around them that turns errors into one line and an exit code."""
+    """Group of all commands, which turns every error into one line and an exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Ours in the order of their table, then everyone else's."""
+        """List the built-in commands in the order of `COMMANDS`, then those of plugins by name."""
         return [*COMMANDS, *sorted(foreign_commands().keys() - COMMANDS.keys())]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import one command.
 
         Raises:
-            UserError: two plugins announce it, or the plugin that does is broken.
+            UserError: two plugins announce the command, or the plugin that announces it is broken.
         """
         if cmd_name in COMMANDS:
             module, _, attribute = COMMANDS[cmd_name].target.partition(":")
@@ -95,13 +100,13 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does, with a suggestion for a misspelt command."""
+        """Find the command, and suggest a name for a misspelt one."""
         if args and not args[0].startswith("-") and args[0] not in COMMANDS and args[0] not in foreign_commands():
             ctx.fail(f"no such command '{args[0]}': {did_you_mean(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Names and summaries, from tables and metadata alone."""
+        """Write the names and summaries of the commands without importing any of them."""
         foreign = foreign_commands()
         rows = [
             (name, COMMANDS[name].summary if name in COMMANDS else f"From {foreign[name][0].owner}.")
@@ -111,31 +116,32 @@ class Commands(click.Group):
             formatter.write_dl(rows)
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """Read the options in front of a command; `--help` prints its page here."""
-        with _told():
+        """Parse the options before the command's name; `--help` prints its page here."""
+        with _reported_errors():
             return super().make_context(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command; what goes wrong ends here."""
-        with _told(ctx.params["traceback"]), _own_warnings(all_of_them=ctx.params["traceback"]):
-            _check_folder()
+        """Run a command and report its errors."""
+        verbose = ctx.params["traceback"]
+        with _reported_errors(verbose), _own_warnings(show_all=verbose):
+            _check_current_folder()
             result = super().invoke(ctx)
             streams.flush()
             return result
 
 
 @contextmanager
-def _told(trace: bool = False) -> Iterator[None]:
-    """Turn whatever goes wrong into one line and an exit code; `trace` shows where it arose, too."""
+def _reported_errors(trace: bool = False) -> Iterator[None]:
+    """Turn any exception into one line on standard error and an exit code; `trace` prints the traceback first."""
     try:
         yield
     except (click.ClickException, click.exceptions.Exit, click.Abort):
         raise
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, OSError) and error.errno == errno.EPIPE:
-            raise  # the reader of our output left, as `head` does: click knows what to do
+            raise  # the reader of the pipe ended early, as `head` does: click exits quietly
         message, code = explain(error)
-        with suppress(OSError):  # a full disk behind the messages changes no exit code
+        with suppress(OSError):  # the exit code holds even where the message cannot be written
             if trace:
                 traceback.print_exc()
             click.echo(message, err=True)
@@ -144,10 +150,10 @@ def _told(trace: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def _own_warnings(*, all_of_them: bool) -> Iterator[None]:
-    """Show pcsr's own warnings, a line each. Those of numpy and torch mean something to programmers alone."""
+def _own_warnings(*, show_all: bool) -> Iterator[None]:
+    """Show pcsr's own warnings, one line each, and hide those of other libraries unless `show_all`."""
     with warnings.catch_warnings():
-        if not all_of_them:
+        if not show_all:
             warnings.showwarning = _show_warning
         yield
 
@@ -155,7 +161,7 @@ def _own_warnings(*, all_of_them: bool) -> Iterator[None]:
 def _show_warning(
     message: Warning | str,
     category: type[Warning],
-    filename: str,  # noqa: ARG001 the signature is that of the standard library
+    filename: str,  # noqa: ARG001 the signature of `warnings.showwarning`
     lineno: int,  # noqa: ARG001
     file: TextIO | None = None,  # noqa: ARG001
     line: str | None = None,  # noqa: ARG001
@@ -164,8 +170,12 @@ def _show_warning(
         click.echo(f"pcsr: warning: {message}", err=True)
 
 
-def _check_folder() -> None:
-    """Raises UserError where the current folder is gone: torch's libraries would end the process without a word."""
+def _check_current_folder() -> None:
+    """Check that the current folder exists; without it torch's libraries end the process without a message.
+
+    Raises:
+        UserError: the current folder was removed or cannot be read.
+    """
     try:
         os.getcwd()
     except OSError as error:
@@ -185,7 +195,7 @@ def _load(owner: str, point: Any) -> click.Command:
 
 
 def explain(error: BaseException) -> tuple[str, int]:
-    """What a person reads of an error, and the code to exit with."""
+    """Return the message for an exception and the exit code."""
     match error:
         case PcsrError():
             return str(error) if error.placed else f"pcsr: error: {error}", error.exit_code
@@ -202,7 +212,7 @@ def explain(error: BaseException) -> tuple[str, int]:
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="pcsr")
-@click.option("--traceback", is_flag=True, help="Show where in the program an error arose.")
+@click.option("--traceback", is_flag=True, help="Show Python's traceback of an error, and all warnings.")
 def pcsr(traceback: bool) -> None:
     """Point-cloud super-resolution with touch."""
 
@@ -210,11 +220,14 @@ def pcsr(traceback: bool) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
-    0: done; 1: a failure; 2: a mistake in what was given; 130: interrupted.
+    Exit codes: 0, success; 1, failure; 2, a mistake in the arguments, options or input files; 130, interrupted.
+
+    Args:
+        arguments: the words after `pcsr`; those of the process by default.
     """
     from pcsr.threads import wait_passively
 
     streams.prepare()
-    os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes, whose warnings nobody else holds back
-    wait_passively()  # before a command imports torch
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")  # worker processes show no warnings of their own
+    wait_passively()  # must come before a command imports torch
     pcsr.main(args=arguments, prog_name="pcsr")

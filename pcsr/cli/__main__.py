@@ -1,4 +1,4 @@
-"""`python -m pcsr.cli` does what `pcsr` does."""
+"""Entry point of `python -m pcsr.cli`, which is the same as `pcsr`."""
 
 from pcsr.cli import main
 

@@ -1,4 +1,4 @@
-"""The checks of parts in a process of their own, which is ended where one of them runs on."""
+"""Conformance checks of parts, run in a separate process that is killed when a check exceeds its time limit."""
 
 import multiprocessing
 import signal
@@ -17,36 +17,37 @@ if TYPE_CHECKING:
     from pcsr.plugins.registry import Registry
     from pcsr.testing import Check, Outcome
 
-STARTING = 120.0
-"""Seconds that the process has to load the parts; the command has loaded them once already."""
+START_LIMIT = 120.0
+"""Seconds within which the process must have loaded the parts."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A part to be checked, in a form that another process can be handed."""
+    """Picklable description of a part to check."""
 
     kind: str
     name: str
     options: dict[str, Any]
     mesh: Path | None = None
-    """What a touch source is to touch."""
+    """Mesh that a touch source is checked on."""
     upsampler: str | None = None
-    """What an objective is made for."""
+    """Name of the upsampler that an objective is checked with."""
 
 
 def outcomes(jobs: Sequence[Job], files: Sequence[Path], limit: float) -> "Iterator[tuple[int, Outcome]]":
-    """What comes of each check of parts; one that does not end, or ends its process, has failed.
+    """Run all checks of the parts. A check that exceeds its time limit or ends its process has failed.
 
     Args:
         jobs: the parts.
-        files: the plugin files to be loaded.
+        files: plugin files to load.
         limit: seconds for each check.
 
     Yields:
-        The number of the part, and what came of one of its checks.
+        The index of the part in `jobs`, and the outcome of one of its checks.
 
     Raises:
         UserError: a part cannot be loaded.
+        RunError: the process ended or hung before its first check.
     """
     from pcsr.testing import Outcome
 
@@ -55,14 +56,14 @@ def outcomes(jobs: Sequence[Job], files: Sequence[Path], limit: float) -> "Itera
         begun = False
         with _process(jobs, files, (number, check)) as (process, answers):
             while True:
-                if not answers.poll(limit if begun else STARTING):
-                    said = f"it did not end within {limit:g} s: look for an endless loop; --time-limit gives it longer"
+                if not answers.poll(limit if begun else START_LIMIT):
+                    reason = f"it did not end within {limit:g} s: look for an endless loop, or raise --time-limit"
                     break
                 try:
                     answer = answers.recv()
                 except EOFError:
                     process.join()
-                    said = f"it ended its process, with the exit code {process.exitcode}: raise an error instead"
+                    reason = f"it ended its process with exit code {process.exitcode}: raise an error instead"
                     break
                 if answer is None:
                     return
@@ -74,8 +75,8 @@ def outcomes(jobs: Sequence[Job], files: Sequence[Path], limit: float) -> "Itera
                     number, check, name = answer
                     begun = True
         if not begun:
-            raise RunError(f"the process that runs the checks ended or hung before the first of them: {said}")
-        yield number, Outcome(name, "failed", f"{jobs[number].kind} '{jobs[number].name}': {said}")
+            raise RunError(f"the process that runs the checks ended or hung before the first check: {reason}")
+        yield number, Outcome(name, "failed", f"{jobs[number].kind} '{jobs[number].name}': {reason}")
         check += 1
 
 
@@ -83,12 +84,12 @@ def outcomes(jobs: Sequence[Job], files: Sequence[Path], limit: float) -> "Itera
 def _process(
     jobs: Sequence[Job], files: Sequence[Path], start: tuple[int, int]
 ) -> Iterator[tuple[BaseProcess, Connection]]:
-    """A process at work on all checks from `start` on, the numbers of a part and a check; it ends with the context."""
+    """Start a process that runs all checks from `start` (index of a part, index of a check) on; kill it at the end."""
     context = multiprocessing.get_context("spawn")
-    answers, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_work, args=(tuple(jobs), tuple(files), start, theirs), daemon=True)
+    answers, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_work, args=(tuple(jobs), tuple(files), start, sender), daemon=True)
     process.start()
-    theirs.close()  # the process has its own, and with that one the pipe ends
+    sender.close()  # so that the pipe ends when the process, which holds a copy, ends
     try:
         yield process, answers
     finally:
@@ -98,11 +99,11 @@ def _process(
 
 
 def _work(jobs: Sequence[Job], files: Sequence[Path], start: tuple[int, int], answers: Connection) -> None:
-    """Run the checks: before each its numbers and name are sent, after it what came of it, and at the end None."""
+    """Run the checks; send the indices and name of each before it, its outcome after it, and None at the end."""
     from pcsr.plugins.loading import load_plugins
     from pcsr.workers import end_with_parent
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started this process ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     end_with_parent()
     try:
         registry = load_plugins(files, files_win=True)
@@ -129,10 +130,10 @@ def _checks(job: Job, registry: "Registry") -> "list[Check]":
 
 
 def item(mesh: Path) -> "ShapeItem":
-    """What a touch source is to touch.
+    """Return the object that a touch source is checked on.
 
     Raises:
-        UserError: the file is no mesh.
+        UserError: the file is not a mesh.
     """
     from pcsr.clouds.formats.mesh import read_mesh
     from pcsr.contracts import ShapeItem

@@ -1,4 +1,4 @@
-"""`pcsr compare`: parts or recipes against each other, on the same data, seeds and budget, to one table."""
+"""`pcsr compare`: train and evaluate recipes or parts on the same data, seeds and budget, in one table."""
 
 import re
 from pathlib import Path
@@ -6,19 +6,25 @@ from typing import Any
 
 import click
 
-from pcsr.cli.options import FILE, plugin_option, set_option
+from pcsr.cli.options import FILE, complete_part, plugin_option, set_option
 from pcsr.cli.running import place_options, run_all
 from pcsr.errors import UserError
 
 NAME = r"[a-z0-9][a-z0-9.-]{0,99}"
-"""What is a file's name everywhere, and beside the run folders."""
+"""Pattern of the page's name, which must be valid as a file name on every system."""
 KINDS = ("encoder", "fusion", "backbone", "upsampler", "objective")
+"""Kinds of parts that have an option of their own."""
 
 
 def _part_options(command: Any) -> Any:
     for kind in reversed(KINDS):
         command = click.option(
-            f"--{kind}", kind, multiple=True, metavar="NAME", help=f"Compare this {kind}. May be repeated."
+            f"--{kind}",
+            kind,
+            multiple=True,
+            metavar="NAME",
+            shell_complete=complete_part(kind),
+            help=f"Compare this {kind}. May be repeated.",
         )(command)
     return command
 
@@ -27,9 +33,14 @@ def _part_options(command: Any) -> Any:
 @click.argument("recipes", nargs=-1, required=True, type=FILE)
 @_part_options
 @click.option(
-    "--seeds", type=click.IntRange(1, 1000), default=1, show_default=True, help="Trainings of each, on one data."
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Train each N times, with seeds 0 to N-1, on the same data.",
 )
-@click.option("--name", default="compare", show_default=True, help="Of the page with the tables.")
+@click.option("--name", default="compare", show_default=True, metavar="NAME", help="Name of the page with the tables.")
 @set_option
 @plugin_option
 @place_options
@@ -42,10 +53,10 @@ def compare(
     where: dict[str, Any],
     **parts: tuple[str, ...],
 ) -> None:
-    """Train and measure recipes, or one with several parts, alike.
+    """Train and evaluate recipes or parts under equal conditions.
 
-    Each recipe is run with each combination of the parts that are named. All see the same data; with --seeds too, which
-    varies the training alone. The first row of the table is what wins are counted against.
+    Each of RECIPES is run with every combination of the parts that the options name. All runs use the same data;
+    --seeds varies the training only. Wins are counted against the first row of the table.
 
     \b
     pcsr compare recipes/smoke.yaml --fusion concat --fusion iterative --seeds 3
@@ -54,7 +65,9 @@ def compare(
     from pcsr.recipe import load
 
     if not re.fullmatch(NAME, name):
-        raise UserError(f"--name {name!r}: it must be up to 100 of a-z, 0-9, . and -, the first a letter or a digit")
+        raise UserError(
+            f"--name {name!r}: it must have 1 to 100 characters of a-z, 0-9, . and -, and begin with a letter or digit"
+        )
     axes: dict[str, list[Any]] = {}
     for kind, named in parts.items():
         if named:

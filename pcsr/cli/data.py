@@ -1,4 +1,4 @@
-"""`pcsr data`: build TSR-PD from any shapes, and say what such a folder holds."""
+"""`pcsr data`: build data sets in the manner of the paper's TSR-PD, and inspect them."""
 
 import functools
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli.options import FILE, jobs_option, plugin_option
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option, plugin_option
 from pcsr.errors import UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -19,23 +19,28 @@ if TYPE_CHECKING:
 
 @click.group()
 def data() -> None:
-    """Build data sets of clouds and touches, and say what they hold."""
+    """Build and inspect data sets of clouds and touches."""
 
 
 @data.command()
 @click.argument("shapes")
-@click.option("-o", "--out", "folder", required=True, type=FILE, metavar="DIR", help="Where to put it.")
+@click.option("-o", "--out", "folder", required=True, type=OUTPUT_FOLDER, metavar="DIR", help="Folder to write to.")
 @click.option(
     "--set",
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="A key of a recipe's section `data`, or else an option of the shapes: --set count=40 --set sampling=view "
-    "--set touch.object_size=30. May be repeated.",
+    help="Set a key of the recipe's section `data`, such as sampling=view or touch.object_size=30, or an option of "
+    "the shapes, such as count=40. The value is YAML. May be repeated.",
 )
 @plugin_option
-@jobs_option("Processes on this machine.  [default: all cores]")
-@click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
+@jobs_option("Number of processes.  [default: all cores]")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    default=None,
+    help="Use the workers of the Dask scheduler at this address instead of local processes.",
+)
 def make(
     shapes: str,
     folder: Path,
@@ -44,9 +49,10 @@ def make(
     jobs: int | None,
     scheduler: str | None,
 ) -> None:
-    """Build a data set from a folder of meshes, a part such as cad-parts, or the section data of a recipe.
+    """Build a data set.
 
-    What is there already is not built again: the same command goes on where it was stopped.
+    SHAPES is a folder of meshes, the name of a shape source such as cad-parts, or a recipe, whose section `data` is
+    used. Finished parts of the data set are not built again: after an interruption the same command goes on.
     """
     from rich.console import Console
 
@@ -67,22 +73,25 @@ def make(
     manifest = read_manifest(folder)
     _print(console, folder, manifest)
     if not any(about.objects for about in manifest.splits.values()):
-        raise UserError(f"none of the objects of '{shapes}' could be used: the reasons are above")
+        raise UserError(f"none of the objects of '{shapes}' could be used: the reasons are listed above")
 
 
 @data.command()
-@click.argument("folder", type=FILE)
+@click.argument("folder", type=FILE, metavar="DIR")
 @click.option(
     "--picture",
     type=FILE,
     default=None,
     metavar="FILE",
-    help="Where to write the page of pictures.  [default: DIR/info.html]",
+    help="HTML page to write the pictures to.  [default: DIR/info.html]",
 )
-@click.option("--object", "name", default=None, metavar="NAME", help="The object to show.  [default: a few]")
-@click.option("--verify", is_flag=True, help="Read every file, and say which of them are not as they were built.")
+@click.option("--object", "name", default=None, metavar="NAME", help="Show this object.  [default: a few]")
+@click.option("--verify", is_flag=True, help="Check the hash of every file, and list damaged files.")
 def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> None:
-    """Say what a data set holds, and show one of its objects as the paper's Fig. 4 does."""
+    """Show what a data set contains.
+
+    Prints the settings and the objects of each split, and writes a page of pictures as in the paper's Fig. 4.
+    """
     from rich.console import Console
 
     from pcsr.data.shards import read_manifest
@@ -96,7 +105,7 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
     if verify:
         _verify(console, folder, manifest)
     else:
-        console.print("its files were not verified: --verify reads them all", style="dim", soft_wrap=True)
+        console.print("files not verified; use --verify to check their hashes", style="dim", soft_wrap=True)
     path = picture or folder / "info.html"
     shown = write_data_page(path, folder, manifest, name)
     console.print(f"pictures of {', '.join(shown)}: {path}", markup=False, soft_wrap=True)
@@ -105,26 +114,26 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
 def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "Recipe":
     from pcsr.recipe import for_data, load
 
+    if not shapes:
+        raise UserError("SHAPES is empty: name a folder of meshes, a recipe or a shape source such as cad-parts")
     names = registry.names("shapes")
     if shapes in names:
         return for_data(shapes, {}, registry, overrides)
     if shapes.endswith((".yaml", ".yml")):
         recipes = load(Path(shapes), registry, [f"data.{override}" for override in overrides])
         if len(recipes) != 1:
-            raise UserError(f"{shapes} describes {len(recipes)} runs: build the data of one, without its matrix")
+            raise UserError(f"{shapes} describes {len(recipes)} runs: use a recipe of one run, without a matrix")
         return recipes[0]
     if Path(shapes).is_dir():
         return for_data("meshes", {"folder": shapes}, registry, overrides)
-    raise UserError(
-        f"'{shapes}' is neither a folder nor a recipe nor shapes that pcsr knows: {did_you_mean(shapes, names)}"
-    )
+    raise UserError(f"'{shapes}' is neither a folder, nor a recipe, nor a shape source: {did_you_mean(shapes, names)}")
 
 
 def _verify(console: "Console", folder: Path, manifest: "Manifest") -> None:
-    """Read every shard.
+    """Check the hash of every shard, and print a line for each that is missing or damaged.
 
     Raises:
-        UserError: some are missing or damaged; each is printed.
+        UserError: a shard is missing or damaged.
     """
     from pcsr.data.shards import damaged
     from pcsr.progress import progress_bars
@@ -137,12 +146,12 @@ def _verify(console: "Console", folder: Path, manifest: "Manifest") -> None:
     for line in found:
         console.print(line, style="red", markup=False, soft_wrap=True)
     if found:
-        raise UserError(f"{len(found)} of the {files} files of {folder} are missing or damaged: they are named above")
-    console.print(f"all {files} files are as they were built", soft_wrap=True)
+        raise UserError(f"{len(found)} of the {files} files of {folder} are missing or damaged: they are listed above")
+    console.print(f"all {files} files are intact", soft_wrap=True)
 
 
 def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
-    """What the manifest says, in a table, with the reasons of what was left out."""
+    """Print the settings of the data set, a table of its splits, and the reasons for rejected objects."""
     from rich.table import Table
 
     data = manifest.data
@@ -154,19 +163,19 @@ def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
         soft_wrap=True,
     )
     console.print(f"shapes: {_plain(data.shapes.model_dump())}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
-    table = Table("split", "objects", "groups", "left out", "felt by 1, 2, … touches")
+    table = Table("split", "objects", "groups", "rejected", "coverage by 1, 2, … touches")
     for split, about in manifest.splits.items():
         covered = "  ".join(f"{row.p50:.1%}" for row in about.coverage)
         table.add_row(split, *(str(n) for n in (about.objects, about.groups, len(about.rejected))), covered)
     console.print(table)
-    console.print("felt: the share of an object's truth that its first touches cover, median over objects", style="dim")
+    console.print("coverage: the share of the truth's points near a touched point, median over objects", style="dim")
     for split, about in manifest.splits.items():
         kinds: dict[str, list[str]] = {}
         for name, reason in about.rejected.items():
             kinds.setdefault(_kind(name, reason), []).append(reason if name in reason else f"{name}: {reason}")
         for reasons in sorted(kinds.values(), key=len, reverse=True):
-            such = "" if len(reasons) == 1 else f" {len(reasons)} such as"
-            console.print(f"left out of {split}:{such} {reasons[0]}", markup=False, soft_wrap=True)
+            number = "" if len(reasons) == 1 else f" {len(reasons)} objects, such as"
+            console.print(f"rejected from {split}:{number} {reasons[0]}", markup=False, soft_wrap=True)
 
 
 def _plain(options: dict[str, Any]) -> str:
@@ -174,7 +183,7 @@ def _plain(options: dict[str, Any]) -> str:
 
 
 def _kind(name: str, reason: str) -> str:
-    """A reason without what is only this object's: its name and numbers, so that alike ones are counted together."""
+    """Replace the object's name and all numbers in a reason, so that similar reasons are counted together."""
     import re
 
     return re.sub(r"\d[\d.,e+-]*", "…", reason.replace(name, "…"))

@@ -1,30 +1,43 @@
-"""`pcsr evaluate`: every metric of a cloud beside the truth."""
+"""`pcsr evaluate`: the metrics of a cloud against the true one."""
 
 import json
 from pathlib import Path
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, complete_metric
 
 
 @click.command()
 @click.argument("prediction", type=FILE)
 @click.argument("truth", type=FILE)
-@click.option("--mesh", type=FILE, default=None, help="The true surface, for the metrics that need it.")
+@click.option(
+    "--mesh", type=FILE, default=None, metavar="FILE", help="Mesh of the true surface, for metrics that need it."
+)
 @click.option(
     "--frame",
     type=click.Choice(["truth", "each", "none"]),
     default="truth",
     show_default=True,
-    help="truth: the truth fills the unit sphere; each: each cloud fills its own, as in most papers; none: as it is.",
+    help="Normalization. truth: both clouds by the bounding sphere of TRUTH; each: each cloud by its own, as in most "
+    "papers; none: no normalization.",
 )
-@click.option("--metric", "metrics", multiple=True, help="Which; by default all that can be measured.")
-@click.option("--json", "plain", is_flag=True, help="Print JSON, unscaled.")
+@click.option(
+    "--metric",
+    "metrics",
+    multiple=True,
+    metavar="NAME",
+    shell_complete=complete_metric,
+    help="Compute only this metric. May be repeated.  [default: all that are possible]",
+)
+@click.option("--json", "plain", is_flag=True, help="Print the unscaled values as JSON.")
 def evaluate(
     prediction: Path, truth: Path, mesh: Path | None, frame: str, metrics: tuple[str, ...], plain: bool
 ) -> None:
-    """Measure a cloud beside the true one."""
+    """Measure a cloud against the true one.
+
+    PREDICTION and TRUTH are files of clouds.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -39,11 +52,11 @@ def evaluate(
     surface = None if mesh is None else read_mesh(mesh)
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
-        click.echo(f"left out: {why}", err=True)
+        click.echo(f"skipped: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))
         return
-    table = Table("metric", "value", "what it is", box=box.SIMPLE_HEAD, caption=_frame(frame))
+    table = Table("metric", "value", "description", box=box.SIMPLE_HEAD, caption=_frame(frame))
     for name, value in values.items():
         metric = METRICS[name]
         table.add_row(name, f"{value * metric.scale:.4g} ×10⁻³", metric.description)
@@ -52,7 +65,7 @@ def evaluate(
 
 def _frame(frame: str) -> str:
     return {
-        "truth": "Both clouds in the frame in which the truth fills the unit sphere. Lower is better.",
-        "each": "Each cloud fills the unit sphere; p2f in the mesh's unit. Lower is better.",
-        "none": "In the clouds' own unit. Lower is better.",
+        "truth": "Both clouds are normalized by the bounding sphere of the truth. Lower is better.",
+        "each": "Each cloud is normalized by its own bounding sphere; p2f is in the mesh's unit. Lower is better.",
+        "none": "Values are in the unit of the clouds. Lower is better.",
     }[frame]

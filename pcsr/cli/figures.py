@@ -1,21 +1,27 @@
-"""`pcsr figures`: the pictures of finished runs, as PNG files."""
+"""`pcsr figures`: the figures of finished runs, as PNG files."""
 
 from pathlib import Path
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, OUTPUT_FOLDER
 
 
 @click.command()
 @click.argument("runs", nargs=-1, required=True, type=FILE)
 @click.option(
-    "-o", "--out", type=FILE, default=Path("figures"), show_default=True, help="The folder that the pictures go to."
+    "-o",
+    "--out",
+    type=OUTPUT_FOLDER,
+    default=Path("figures"),
+    show_default=True,
+    metavar="DIR",
+    help="Folder to write to.",
 )
 def figures(runs: tuple[Path, ...], out: Path) -> None:
-    """Draw the pictures of runs as PNG files.
+    """Draw the figures of finished runs as PNG files.
 
-    RUNS are run folders of the same clouds: their networks stand side by side, in the order given.
+    RUNS are run folders that were evaluated on the same clouds. Their networks are shown side by side, in this order.
 
     \b
     pcsr figures runs/tapsr-1a2b3c4d

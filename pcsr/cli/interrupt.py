@@ -1,4 +1,4 @@
-"""Ctrl-C before the command line is there to catch it: while Python still imports what it is made of."""
+"""Handling of Ctrl-C while the modules of the command line are still being imported."""
 
 import os
 import sys
@@ -6,7 +6,7 @@ from types import TracebackType
 
 MESSAGE = "interrupted; what is finished is kept, and no file is half written"
 CODE = 130
-"""What shells say of a command that Ctrl-C ended."""
+"""Exit code of a command that Ctrl-C ended, by the convention of shells."""
 
 
 def _excepthook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

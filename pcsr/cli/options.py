@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Click types, options and shell completions that several commands share."""
 
 import functools
 import math
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from pcsr.errors import UserError
 
@@ -15,37 +16,53 @@ Result = TypeVar("Result")
 
 
 class _File(click.Path):
-    """A path that a file can have.
+    """Click type of the path of a file or folder.
 
-    An empty one, such as an unset variable of a shell gives, is a mistake and not the folder we are in.
+    An empty path, such as an unset variable of the shell gives, is refused; it does not mean the current folder.
     """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse a path that no file can have: to look for it would be an error of many kinds."""
+        """Refuse an empty path, and one that no file can have."""
         text = os.fspath(value)
         if text == "":
             self.fail("it is empty: name a file or folder", param, ctx)
         if "\0" in text:
-            self.fail(f"{text[:40]!r}: names of files hold no NUL", param, ctx)
+            self.fail(f"{text[:40]!r}: a path must not contain a NUL character", param, ctx)
         longest = max(len(os.fsencode(part)) for part in Path(text).parts or [text])
         if longest > LONGEST_NAME or len(text) > LONGEST_PATH:
-            self.fail(f"'{text[:40]}…' is longer than any name of a file: shorten it", param, ctx)
+            self.fail(f"'{text[:40]}…' is longer than a path can be: shorten it", param, ctx)
         return super().convert(value, param, ctx)
 
 
 LONGEST_NAME = 255
-"""Bytes of the name of a file or folder, on all common file systems."""
+"""Greatest length of a file's or folder's name in bytes, on all common file systems."""
 LONGEST_PATH = 4096
-"""Characters of a path; Linux takes no more."""
+"""Greatest length of a path in characters, on Linux."""
 FILE = _File(path_type=Path)
-"""The type of every path that a command takes."""
+"""Click type of every path that a command takes."""
+
+
+class _OutputFolder(_File):
+    """Click type of a folder to write to, which need not exist yet."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse a path at which, or above which, there is a file."""
+        path: Path = super().convert(value, param, ctx)
+        there = next((one for one in (path, *path.parents) if os.path.lexists(one)), Path())
+        if not os.path.isdir(there):
+            self.fail(f"'{there}' is a file: name a folder", param, ctx)
+        return path
+
+
+OUTPUT_FOLDER = _OutputFolder(path_type=Path)
+"""Click type of every folder that a command writes to."""
 
 
 class _Plugin(_File):
-    """A Python file that is there."""
+    """Click type of an existing Python file."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse a plugin that isn't there, whether the command comes to need it or not."""
+        """Refuse a path at which there is no file."""
         path = super().convert(value, param, ctx)
         if not os.path.isfile(path):
             raise UserError(
@@ -55,24 +72,24 @@ class _Plugin(_File):
 
 
 PLUGIN = _Plugin(path_type=Path)
-"""The type of `--plugin`."""
+"""Click type of `--plugin`."""
 
 
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command `--plugin FILE` and hand it the parts as `registry`, a `pcsr.plugins.registry.Registry`.
+    """Add `--plugin FILE` to a command, and pass it a `pcsr.plugins.registry.Registry` as `registry`.
 
-    A warning names each file that fails to load: whoever gives one wants its parts.
+    A warning names each file that fails to load.
     """
     return _with_plugins(command, files_win=False, warn=True)
 
 
 def listed_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """As `plugin_option`, for a command that shows which plugins fail to load."""
+    """Do as `plugin_option`, without warnings: for commands that list the plugins that fail to load themselves."""
     return _with_plugins(command, files_win=False, warn=False)
 
 
 def winning_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """As `listed_plugin_option`; a part of a file takes the place of an installed one of the same name."""
+    """Do as `listed_plugin_option`, and let a file's part replace an installed part of the same name."""
     return _with_plugins(command, files_win=True, warn=False)
 
 
@@ -106,29 +123,55 @@ def _jobs(_ctx: click.Context, _param: click.Parameter, value: int | None) -> in
 
 
 def jobs_option(text: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
-    """Give a command `--jobs N`, a number of processes that a pool can have; `text` is its help."""
+    """Return a decorator that adds `--jobs N`, a number of processes; `text` is its help."""
     return click.option("--jobs", type=int, default=None, metavar="N", callback=_jobs, help=text)
 
 
 class _Seconds(click.FloatRange):
-    """A number of seconds; `nan` is in no range, and click does not see it."""
+    """Click type of a duration in seconds. It refuses `nan`, which `click.FloatRange` accepts."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse what is no number."""
+        """Return the seconds, within the range."""
         seconds = super().convert(value, param, ctx)
         if math.isnan(seconds):
-            self.fail(f"{value} is no number of seconds", param, ctx)
+            self.fail(f"{value} is not a number of seconds", param, ctx)
         return seconds
 
 
 SECONDS = _Seconds(0.1, 86_400)
-"""The type of a limit of time: up to a day."""
+"""Click type of a time limit: 0.1 s to one day."""
 
 set_option = click.option(
     "--set",
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Change a recipe's value: --set train.epochs=5. The value is YAML. May be repeated.",
+    help="Set a value of the recipe, such as train.epochs=5. The value is YAML. May be repeated.",
 )
-"""Gives a command `overrides`, as `pcsr.recipe.load` takes them."""
+"""Option `--set`, which passes `overrides` to a command, as `pcsr.recipe.load` takes them."""
+
+
+def complete_part(kind: str) -> Callable[[click.Context, click.Parameter, str], list[str]]:
+    """Return a shell completion for the names of the parts of one kind."""
+
+    def complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+        from pcsr.plugins.loading import load_plugins
+
+        return [name for name in load_plugins().names(kind) if name.startswith(incomplete)]
+
+    return complete
+
+
+def complete_weights(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete the names of the weights that come with pcsr, or else paths."""
+    from pcsr import weights
+
+    names = [CompletionItem(name) for name in weights.names() if name.startswith(incomplete)]
+    return names or [CompletionItem(incomplete, type="file")]
+
+
+def complete_metric(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+    """Complete the names of metrics."""
+    from pcsr.metrics import METRICS
+
+    return [name for name in METRICS if name.startswith(incomplete)]

@@ -1,4 +1,4 @@
-"""`pcsr plugins check`: hold a part to the contract of its kind."""
+"""`pcsr plugins check`: check that parts keep the contract of their kind."""
 
 import itertools
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli.check_process import Job, item, outcomes
-from pcsr.cli.options import FILE, SECONDS, winning_plugin_option
+from pcsr.cli.options import FILE, SECONDS, complete_part, winning_plugin_option
 from pcsr.errors import RunError, UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -19,23 +19,35 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("name")
-@click.option("--kind", default=None, metavar="KIND", help="Only the part of this kind, where several have the name.")
+@click.option("--kind", default=None, metavar="KIND", help="Check only parts of this kind.")
 @click.option(
     "--set",
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="An option of the part: --set channels=32. The value is YAML. May be repeated.",
+    help="Set an option of the part, such as channels=32. The value is YAML. May be repeated.",
 )
-@click.option("--mesh", type=FILE, default=None, help="What a touch source is to touch.  [default: an egg, 60 mm long]")
-@click.option("--upsampler", default=None, metavar="NAME", help="What an objective is made for, if not for any.")
+@click.option(
+    "--mesh",
+    type=FILE,
+    default=None,
+    metavar="FILE",
+    help="Check touch sources on this mesh.  [default: an egg, 60 mm long]",
+)
+@click.option(
+    "--upsampler",
+    default=None,
+    metavar="NAME",
+    shell_complete=complete_part("upsampler"),
+    help="Check objectives with this upsampler, for those that need a particular one.",
+)
 @click.option(
     "--time-limit",
     type=SECONDS,
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="Of each check; one that runs on has failed.",
+    help="Time limit of each check; a check that exceeds it has failed.",
 )
 @winning_plugin_option
 def check(
@@ -47,17 +59,17 @@ def check(
     time_limit: float,
     registry: "Registry",
 ) -> None:
-    """Check whether a part keeps the contract of its kind.
+    """Check that parts keep the contract of their kind.
 
-    NAME is a part's, or a plugin's for all of its parts. Of a part that --plugin FILE brings too, that file's is
-    checked. Every check prints a line; a failure says what was found, what
-    is expected and what to do.
+    NAME is the name of a part, or of a plugin, whose parts are all checked. If an installed plugin and --plugin both
+    bring a part of this name, the file's part is checked. Each check prints one line; that of a failure says what was
+    found, what is expected, and how to mend it.
     """
     from pcsr.extras import require
 
     entries = _found(name, kind, registry)
     require({package: user for entry in entries for package, user in _needs(entry).items()})
-    # Mistakes in the options are told before the first check takes its time.
+    # Mistakes in the options are reported before the first check runs.
     if mesh is not None:
         item(mesh)
     if upsampler is not None:
@@ -75,14 +87,14 @@ def check(
     failed = [entries[number] for number, pairs in of_parts if not _show(entries[number], (one for _, one in pairs))]
     if failed:
         names = ", ".join(f"{entry.kind} '{entry.name}'" for entry in failed)
-        raise RunError(f"{names} failed: what to do stands beside each check that did")
+        raise RunError(f"{names} failed: the line of each failed check says how to mend it")
 
 
 def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
-    """The parts that are meant.
+    """Find the parts that the command checks.
 
     Raises:
-        UserError: none; the message says why.
+        UserError: there is none; the message says why.
     """
     from pcsr.plugins.loading import why
     from pcsr.plugins.registry import FILE, KINDS
@@ -90,12 +102,13 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     if kind is not None and kind not in KINDS:
         raise UserError(f"--kind {kind}: there is no such kind: {did_you_mean(kind, KINDS)}")
     named = [entry for entry in registry if name in (entry.name, entry.owner, entry.brought_by)]
-    named = [entry for entry in named if entry.version == FILE] or named  # a file that is handed in is meant
+    named = [entry for entry in named if entry.version == FILE] or named  # parts of --plugin files come first
     found = [entry for entry in named if kind in (None, entry.kind)]
     if found:
         return found
     if named:
-        raise UserError(f"--kind {kind}: '{name}' is no {kind}, but {', '.join(dict.fromkeys(e.kind for e in named))}")
+        kinds = ", ".join(dict.fromkeys(entry.kind for entry in named))
+        raise UserError(f"--kind {kind}: there is no {kind} '{name}', only of the kind {kinds}")
     if any(failure.owner == name for failure in registry.failures):
         raise UserError(why(registry, name))
     known = {entry.name for entry in registry if kind in (None, entry.kind)}
@@ -104,7 +117,7 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
 
 
 def _needs(entry: "Entry") -> dict[str, str]:
-    """The packages that a part needs; none of one that cannot be loaded, of which a check will tell."""
+    """Return the packages that a part needs, each with its user; none if it cannot be loaded, which a check reports."""
     try:
         part: Any = entry.load()
     except UserError:
@@ -113,10 +126,10 @@ def _needs(entry: "Entry") -> dict[str, str]:
 
 
 def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
-    """What `--set` gives, in the types of the part's options.
+    """Return the values of `--set`, converted to the types of the part's options.
 
     Raises:
-        UserError: an option that the part does not have, or a value that it does not take.
+        UserError: the part has no such option, or the option does not accept the value.
     """
     import json
 
@@ -126,7 +139,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     from pcsr.recipe.source import Place, scalar
     from pcsr.validation_messages import explained, shortened, shown
 
-    if not overrides:  # so that a part whose options cannot be read fails a check
+    if not overrides:  # options that cannot be read are then reported by a check
         return {}
     model = options_model(entry.load())
     given = {}
@@ -148,18 +161,18 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         wrong = [f"{'.'.join(map(str, one['loc']))}: {explained([one])}" for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
-        return given  # what is missing the check `builds` tells
+        return given  # the check `builds` reports missing options
     return {key: getattr(checked, key) for key in given}
 
 
-def _show(entry: "Entry", came: "Iterable[Outcome]") -> bool:
-    """Print what comes of the checks of a part, a line each; whether none failed."""
+def _show(entry: "Entry", found: "Iterable[Outcome]") -> bool:
+    """Print the outcomes of a part's checks, one line each, and return whether none failed."""
     click.echo(f"{entry.kind} '{entry.name}' of {entry.owner} {entry.version}")
     counts = {"passed": 0, "skipped": 0, "failed": 0}
-    for outcome in came:
+    for outcome in found:
         counts[outcome.result] += 1
-        said = f": {outcome.said}" if outcome.said else ""
+        message = f": {outcome.said}" if outcome.said else ""
         mark = "FAILED" if outcome.result == "failed" else outcome.result
-        click.echo(f"  {mark:7} {outcome.check}{said}")
+        click.echo(f"  {mark:7} {outcome.check}{message}")
     click.echo(f"  {', '.join(f'{count} {result}' for result, count in counts.items())}")
     return not counts["failed"]

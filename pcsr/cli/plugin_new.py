@@ -1,4 +1,4 @@
-"""`pcsr plugins new`: a distribution with one part of one's own, whose test passes as it is written."""
+"""`pcsr plugins new`: write a distribution with one new part and a passing test."""
 
 import ast
 import importlib.metadata
@@ -25,21 +25,22 @@ SECTIONS = {
     "touch": "data",
     "shapes": "data",
 }
-"""Each kind of part, and the section of a recipe that names one."""
+"""Each kind of part, with the section of a recipe that names parts of this kind."""
 
 LONGEST = 100
-"""Characters of a name."""
+"""Greatest length of a part's name in characters."""
 NAME = r"[A-Za-z][A-Za-z0-9]*(-[A-Za-z0-9]+)*"
+"""Pattern of a part's name."""
 
 
 @click.command()
 @click.argument("kind", type=click.Choice(list(SECTIONS)))
 @click.argument("name")
 def new(kind: str, name: str) -> None:
-    """Write a distribution with a part of your own.
+    """Write a distribution with a new part.
 
-    It goes into a new folder NAME: what pip needs, the part in one module, a test that passes as it is, and a README.
-    NAME also names the distribution and the part: letters, digits and hyphens.
+    Creates the folder NAME with a pyproject.toml, a module with a working part of this kind, its test, and a README.
+    NAME also names the distribution and the part. It consists of letters, digits and hyphens.
 
     \b
     pcsr plugins new fusion my-fusion
@@ -52,10 +53,10 @@ def new(kind: str, name: str) -> None:
     files = distribution(kind, name)
     taken = load_plugins().entries.get((kind, name))
     if taken is not None:
-        raise UserError(f"name '{name}': {taken.owner} brings a {kind} of this name already: choose another")
+        raise UserError(f"name '{name}': {taken.owner} already registers a {kind} of this name: choose another")
     folder = Path(name)
     if folder.exists():
-        raise UserError(f"folder {name} is there already: choose another name, or remove it")
+        raise UserError(f"folder {name} exists already: choose another name, or remove it")
     part = folder.with_name(f".{name}.{os.getpid()}.part")
     try:
         for file, text in files.items():
@@ -70,30 +71,30 @@ def new(kind: str, name: str) -> None:
 
 
 def distribution(kind: str, name: str) -> dict[str, str]:
-    """The files of a distribution with one part, by their names.
+    """Return the text of each file of a distribution with one part, by file name.
 
     Args:
-        kind: of the part; one of `SECTIONS`.
-        name: of the distribution and the part.
+        kind: kind of the part; a key of `SECTIONS`.
+        name: name of the distribution and the part.
 
     Raises:
-        UserError: the name is none, or Python could not tell what it stands for.
+        UserError: the name is invalid, or its module, class or distribution would hide or replace another.
     """
     if not re.fullmatch(NAME, name):
         raise UserError(
-            f"name '{name}': it must be letters and digits, with single hyphens between them, and begin with a letter, "
-            f"as my-{kind} does"
+            f"name '{name}': it must consist of letters and digits with single hyphens between them, and begin with a "
+            f"letter, such as my-{kind}"
         )
     module = name.replace("-", "_").lower()
     part = "".join(word[0].upper() + word[1:] for word in name.split("-"))
     values = {"kind": kind, "name": name, "module": module, "section": SECTIONS[kind], "version": __version__}
     source = _template(f"{kind}.py.txt")
     if keyword.iskeyword(module) or keyword.iskeyword(part) or part in _names(source.substitute(values, part="_")):
-        raise UserError(f"name '{name}': its module {module} or class {part} means something else: choose another")
+        raise UserError(f"name '{name}': module {module} or class {part} has another meaning: choose another")
     if len(name) > LONGEST:
-        raise UserError(f"name '{name[:20]}…' is {len(name)} characters long: at most {LONGEST} make a file's name")
+        raise UserError(f"name '{name[:20]}…' is {len(name)} characters long: shorten it to {LONGEST} or less")
     if (owner := _installed(name)) is not None:
-        raise UserError(f"name '{name}': pip would put it in the place of {owner}, which is installed: choose another")
+        raise UserError(f"name '{name}': pip would replace {owner}, which is installed: choose another")
     if (hidden := importlib.util.find_spec(module)) is not None:
         raise UserError(f"name '{name}': it would hide the module {module} in {hidden.origin}: choose another")
     values["part"] = part
@@ -106,7 +107,7 @@ def distribution(kind: str, name: str) -> dict[str, str]:
 
 
 def _installed(name: str) -> str | None:
-    """The installed distribution that pip takes for the same name, by the rules of PEP 503."""
+    """Return the name of the installed distribution whose normalized name (PEP 503) is the same; None: none is."""
     wanted = re.sub(r"[-_.]+", "-", name).lower()
     owners = (str(one.metadata["Name"]) for one in importlib.metadata.distributions())
     return next((owner for owner in owners if re.sub(r"[-_.]+", "-", owner).lower() == wanted), None)
@@ -117,5 +118,5 @@ def _template(file: str) -> Template:
 
 
 def _names(module: str) -> set[str]:
-    """The names that a module's code uses."""
+    """Return all names that the source code of a module uses."""
     return {node.id for node in ast.walk(ast.parse(module)) if isinstance(node, ast.Name)}

@@ -1,4 +1,4 @@
-"""`pcsr plugins`: the parts that recipes may name, and who brings them; to check one, and to write one."""
+"""`pcsr plugins`: list the parts that recipes may name, with the plugins that register them."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +16,14 @@ if TYPE_CHECKING:
 
 
 @click.group(invoke_without_command=True)
-@click.option("--why", "name", metavar="NAME", help="Say why a part or a plugin is there, or why it isn't.")
+@click.option("--why", "name", metavar="NAME", help="Explain where a part comes from, or why it is missing.")
 @listed_plugin_option
 @click.pass_context
 def plugins(context: click.Context, name: str | None, registry: "Registry") -> None:
-    """List the parts that recipes may name, and who brings them."""
+    """List, check and write plugins and their parts.
+
+    Without a command, lists the parts that recipes may name, with the distribution or file that registers each.
+    """
     command = context.invoked_subcommand
     if command is not None:
         if name is not None or registry.files:
@@ -37,11 +40,11 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
     console.print(_table(registry))
     for command, announced in foreign_commands().items():
         owners = " and ".join(owner for owner, _ in announced)
-        note = " (not reachable: pcsr has a command of this name)" if command in COMMANDS else ""
+        note = " (not reachable: pcsr has a built-in command of this name)" if command in COMMANDS else ""
         console.print(f"command {command} comes from {owners}{note}", markup=False, soft_wrap=True)
     for failure in registry.failures:
         console.print(
-            f"{failure.owner} {failure.version} failed to load: {failure.said} (pcsr plugins --why {failure.owner})",
+            f"{failure.owner} {failure.version} failed to load: {failure.message} (pcsr plugins --why {failure.owner})",
             style="red",
             markup=False,
             soft_wrap=True,
@@ -58,7 +61,7 @@ def _table(registry: "Registry") -> "Table":
 
 
 def _traits(entry: "Entry") -> str:
-    """What the part claims about itself; the error, where it can't be loaded to ask it."""
+    """Return the traits that a part declares, or the error if it cannot be loaded."""
     from rich.markup import escape
 
     from pcsr.errors import UserError

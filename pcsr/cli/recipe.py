@@ -19,11 +19,14 @@ def recipe() -> None:
 
 
 @recipe.command()
-@click.argument("files", nargs=-1, required=True, type=FILE)
+@click.argument("files", nargs=-1, required=True, type=FILE, metavar="RECIPES...")
 @set_option
 @plugin_option
 def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Registry") -> None:
-    """Check recipes: every mistake of every file, each with its place and the fix."""
+    """Check recipes and report all mistakes.
+
+    Each mistake is printed on one line with its file, line and column, and how to mend it.
+    """
     from pcsr.errors import UserError
     from pcsr.recipe import load
 
@@ -41,11 +44,14 @@ def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Regist
 
 
 @recipe.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=FILE, metavar="RECIPE")
 @set_option
 @plugin_option
 def show(file: Path, overrides: tuple[str, ...], registry: "Registry") -> None:
-    """Print a recipe with every default filled in; with a matrix, one after another."""
+    """Print a recipe with all defaults filled in.
+
+    If the recipe describes several runs, the recipe of each is printed as one YAML document.
+    """
     from pcsr.recipe import load
 
     texts = [to_yaml(one.resolved()) for one in load(file, registry, overrides)]
@@ -55,14 +61,17 @@ def show(file: Path, overrides: tuple[str, ...], registry: "Registry") -> None:
 @recipe.command()
 @plugin_option
 def schema(registry: "Registry") -> None:
-    """Print the JSON schema of recipes, for completion in editors."""
+    """Print the JSON schema of recipes, for completion in editors.
+
+    The schema includes the options of all installed parts.
+    """
     from pcsr.recipe.json_schema import json_schema
 
     click.echo(json.dumps(json_schema(registry), indent=2))
 
 
 def to_yaml(data: dict[str, Any]) -> str:
-    """Plain data as YAML, mappings in blocks and lists in one line."""
+    """Convert plain data to YAML text, with mappings as blocks and lists on one line."""
     from ruamel.yaml import YAML
 
     text = io.StringIO()

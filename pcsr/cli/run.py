@@ -1,4 +1,4 @@
-"""`pcsr run`: a recipe to weights, a table and a report."""
+"""`pcsr run`: train and evaluate a recipe."""
 
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from pcsr.cli.running import place_options, run_all
 def run(recipe: Path, overrides: tuple[str, ...], registry: Any, where: dict[str, Any]) -> None:
     """Train and evaluate a recipe, or compare several.
 
-    What is done already is not done again: training goes on from its last checkpoint, and is skipped where finished
-    weights of exactly this recipe exist, or the recipe names weights. The code of plugins belongs to a recipe: after an
-    edit it is trained again, in a folder beside the old one. A recipe with a matrix, or one that names others,
-    runs row by row, and ends in a table of all of them.
+    Writes the weights, the results and a report to a run folder. Finished work is not repeated: training goes on from
+    its last checkpoint, and is skipped if the recipe names weights or finished weights of exactly this recipe exist.
+    The code of plugins is part of a recipe: after a change of it, the network is trained again, in another run folder.
+
+    A recipe with a matrix, or one that names other recipes, is run row by row, and ends in a table of all rows.
     """
     from pcsr.recipe import load
 

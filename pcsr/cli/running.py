@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pcsr.cli.options import FILE, jobs_option
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
 
 _OPTIONS = (
-    click.option("--runs", type=FILE, default=Path("runs"), show_default=True, help="Where run folders go."),
+    click.option("--runs", type=OUTPUT_FOLDER, default=Path("runs"), show_default=True, help="Where run folders go."),
     click.option(
         "--device",
         type=click.Choice(["auto", "cpu", "cuda"]),
@@ -90,7 +90,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     from rich.console import Console
 
     from pcsr import report
-    from pcsr.data.built import Built
+    from pcsr.data.built import BuiltData
     from pcsr.experiments.run import packages, run
     from pcsr.experiments.run_options import Place, run_folder
     from pcsr.extras import require
@@ -101,8 +101,8 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     console = Console()
     place = Place(**where)
     if place.data:
-        built = Built.read(place.data)
-        recipes = [built.lay_under(one, registry) for one in recipes]
+        built = BuiltData.read(place.data)
+        recipes = [built.replace_data(one, registry) for one in recipes]
         where_from = " and ".join(map(str, place.data))
         said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
         for line in (said, *built.missing()):

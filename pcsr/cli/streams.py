@@ -1,4 +1,4 @@
-"""Standard input, output and error of a command, where one of them may be closed, full, or not of UTF-8."""
+"""Standard input, output and error of a command, any of which may be closed, full, or not UTF-8."""
 
 import io
 import os
@@ -9,15 +9,15 @@ from typing import BinaryIO
 from pcsr.errors import RunError, UserError
 
 WIDTHS = range(20, 10_000)
-"""Columns of a terminal that text and tables can be fitted into."""
+"""Widths of a terminal, in columns, that text and tables are fitted to."""
 
 
 def prepare() -> None:
-    """Make the three streams usable, whatever the shell did with them.
+    """Make the three standard streams usable, whatever state the shell left them in.
 
-    A closed one is opened onto nothing: the next file that is opened would take its number, and whatever a library
-    prints would go into that file. What the encoding of a terminal lacks, such as ×, is written as an escape. A width
-    of the terminal that nothing fits into is forgotten.
+    A closed stream is opened onto the null device; otherwise the next opened file would get its descriptor, and
+    receive what libraries print. Characters that the terminal's encoding lacks, such as ×, are written as escapes.
+    A `COLUMNS` outside `WIDTHS` is ignored.
     """
     for number in range(3):
         try:
@@ -37,37 +37,37 @@ def prepare() -> None:
 
 
 def open_input() -> BinaryIO:
-    """Standard input, to read bytes from.
+    """Return standard input as a binary stream.
 
     Raises:
-        UserError: it is closed.
+        UserError: standard input is closed.
     """
     if sys.stdin is None:
-        raise UserError("-: standard input is closed: name a file, or let a command write into the pipe")
+        raise UserError("-: standard input is closed: name a file, or let another command write to the pipe")
     return sys.stdin.buffer
 
 
 def open_output() -> None:
-    """Refuse to compute what nobody could be given.
+    """Check that standard output is open, before work whose result goes there.
 
     Raises:
         UserError: standard output is closed.
     """
     if sys.__stdout__ is None:
-        raise UserError("-o -: standard output is closed: name a file, or let a command read from the pipe")
+        raise UserError("-o -: standard output is closed: name a file, or let another command read from the pipe")
 
 
 def put(content: bytes) -> None:
-    """Write bytes to standard output, all of them."""
+    """Write bytes to standard output and flush it."""
     sys.stdout.buffer.write(content)
     sys.stdout.flush()
 
 
 def flush() -> None:
-    """Write what is still to be written to standard output.
+    """Flush standard output.
 
     Raises:
-        RunError: the disk is full; the rest is given up, so that the end of the process does not try again.
+        RunError: it cannot be written, for example because the disk is full. What is buffered is then discarded.
     """
     try:
         sys.stdout.flush()
@@ -79,10 +79,10 @@ def flush() -> None:
 
 
 def give_up() -> None:
-    """Forget what could not be written to the streams: the end of the process would try again, and complain."""
+    """Discard what the streams could not write; otherwise the process would try again at its end, and complain."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            with suppress(OSError):  # a stream of a test has no number
+            with suppress(OSError):  # a test's stream has no file descriptor
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,4 +1,4 @@
-"""`pcsr view`: a window with clouds side by side."""
+"""`pcsr view`: open a window with clouds side by side."""
 
 from pathlib import Path
 
@@ -12,10 +12,10 @@ from pcsr.cli.options import FILE
 def view(clouds: tuple[Path, ...]) -> None:
     """Open a window with clouds side by side.
 
-    It takes the extra [open3d], and a desktop.
+    CLOUDS are files of clouds. The command needs the extra [open3d] and a desktop.
     """
     from pcsr.clouds.formats import read_cloud
     from pcsr.clouds.reconstruction import open3d, show
 
-    open3d()  # before files are read
+    open3d()  # fails, where it is not installed, before files are read
     show([(path.name, read_cloud(path)) for path in clouds])

@@ -1,7 +1,7 @@
-"""Building TSR-PD (TAPSR, Sec. 4.1): every object sampled and touched, shard by shard, and kept.
+"""Building of data sets (TAPSR, Sec. 4.1): each object is sampled and touched, and written shard by shard.
 
-A shard that is finished and undamaged is never made again. So a build that was stopped, in whatever way, goes on where
-it was, and ends with the same bytes as one that was not.
+A finished, undamaged shard is never built again. A build that was interrupted, in whatever way, can therefore be
+continued, and ends with the same bytes as one without interruption.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,17 +31,18 @@ from pcsr.workers import WorkerPool
 def load_or_build(
     plan: Plan, split: str, folder: Path, pool: WorkerPool, advance: Callable[[int], None] = lambda count: None
 ) -> Split:
-    """A split from `folder`, where it is built first as far as it isn't there yet.
+    """Load a split from a folder, after building what is missing of it.
 
     Args:
-        plan: what the data is.
+        plan: objects and settings of the data set.
         split: "train", "validation" or "test".
-        folder: of this data and no other.
-        pool: who builds.
-        advance: called with the number of objects that were just finished, or found finished.
+        folder: folder of this data set alone; it need not exist.
+        pool: processes that build.
+        advance: called with the number of objects that were just built, or found to be built.
 
     Raises:
-        UserError: the folder holds other data, the split is empty, or no object of it could be used.
+        UserError: the folder holds other data, the split is empty, or none of its objects could be used.
+        RunError: as for `build_split`.
     """
     build_split(plan, split, folder, pool, advance)
     return Split.load(folder, split)
@@ -50,35 +51,42 @@ def load_or_build(
 def build_split(
     plan: Plan, split: str, folder: Path, pool: WorkerPool, advance: Callable[[int], None] = lambda count: None
 ) -> None:
-    """Build what is missing of a split. The bytes depend neither on the pool nor on stops in between.
+    """Build what is missing of a split. The files' bytes depend neither on the pool nor on interruptions.
+
+    Args:
+        plan: objects and settings of the data set.
+        split: "train", "validation" or "test".
+        folder: folder of this data set alone; it need not exist.
+        pool: processes that build.
+        advance: called with the number of objects that were just built, or found to be built.
 
     Raises:
-        UserError: the folder holds other data, the split is empty, or touches of different sizes.
-        RunError: a process died, the cluster is lost, or the disk is full; what is finished is kept.
+        UserError: the folder holds other data, the split is empty, or touches differ in their number of points.
+        RunError: a process died, the cluster is lost, or the disk is full. Finished shards are kept.
     """
     names = plan.split(split)
     done = _manifest(plan, folder).splits.get(split)
     sums = {shard.file: shard.sha256 for shard in done.shards} if done else {}
     shards = [names[i : i + SHARD] for i in range(0, len(names), SHARD)]
     missing = []
-    for number, some in enumerate(shards):
+    for number, objects in enumerate(shards):
         path = shard_path(folder, split, number)
-        if path.is_file() and _finished(path, plan.fingerprint, some, sums.get(path.name)):
-            advance(len(some))
+        if path.is_file() and _finished(path, plan.fingerprint, objects, sums.get(path.name)):
+            advance(len(objects))
         else:
             missing.append(number)
-    # All that is missing is one stream of work, so that no process waits at the end of a shard.
+    # One stream over all missing shards, so that no process waits at the end of a shard.
     stream = results(plan, [name for number in missing for name in shards[number]], pool)
     for number in missing:
-        made = []
+        shard = []
         for _ in shards[number]:
-            made.append(next(stream))
+            shard.append(next(stream))
             advance(1)
-        write_shard(shard_path(folder, split, number), made, plan.fingerprint)
+        write_shard(shard_path(folder, split, number), shard, plan.fingerprint)
     summary = _summary(folder, split, len(shards))
     if summary == done:
         return
-    # Another process may have built another split in the meantime.
+    # The manifest is read again, since another process may have added a split in the meantime.
     manifest = _manifest(plan, folder)
     splits = {**manifest.splits, split: summary}
     ordered = {name: splits[name] for name in plan.names if name in splits}
@@ -86,27 +94,27 @@ def build_split(
 
 
 def _finished(path: Path, fingerprint: str, names: Sequence[str], known: str | None) -> bool:
-    """Whether a shard holds these objects of this data, is undamaged and needs no other try.
+    """Return whether a shard is finished: undamaged, with these objects of this data set, and without faults.
 
     Args:
-        path: of the shard.
-        fingerprint: of the data.
-        names: what its objects are called.
-        known: its hash in the manifest; None where the split isn't in there yet, and the shard's card has to do.
+        path: file of the shard.
+        fingerprint: fingerprint of the data set.
+        names: names of the shard's objects.
+        known: hash of the file in the manifest. None: the split is not listed there yet, and only the card is checked.
     """
     try:
         card = read_card(path)
     except UserError:
         return False
-    mine = card.fingerprint == fingerprint and {*card.names, *card.rejected} == set(names)
-    return mine and not card.faults and known in (None, shard_sum(path))
+    same_objects = card.fingerprint == fingerprint and {*card.names, *card.rejected} == set(names)
+    return same_objects and not card.faults and known in (None, shard_sum(path))
 
 
 def _manifest(plan: Plan, folder: Path) -> Manifest:
-    """The folder's manifest, a new one if it has none.
+    """Return the folder's manifest, or write and return a new one.
 
     Raises:
-        UserError: it is of other data.
+        UserError: the folder holds other data.
     """
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
@@ -117,7 +125,7 @@ def _manifest(plan: Plan, folder: Path) -> Manifest:
             )
         return manifest
     for path in sorted(folder.glob("*-[0-9][0-9][0-9][0-9][0-9].safetensors")):
-        # A shard of this data, whose manifest was lost, is of use; anything else is somebody's.
+        # Shards of this data set, whose manifest was lost, are kept and used; others must not be overwritten.
         if read_card(path).fingerprint != plan.fingerprint:
             raise UserError(f"{path} belongs to other data: choose another folder, or delete this one")
     recipe = plan.recipe
@@ -135,7 +143,7 @@ def _manifest(plan: Plan, folder: Path) -> Manifest:
 
 
 def _summary(folder: Path, split: str, count: int) -> Summary:
-    """What the shards of a split hold, for its place in the manifest."""
+    """Summarize the shards of a split for the manifest."""
     paths = [shard_path(folder, split, number) for number in range(count)]
     cards = [read_card(path) for path in paths]
     shares = np.array([row for card in cards for row in card.coverage])
@@ -143,7 +151,7 @@ def _summary(folder: Path, split: str, count: int) -> Summary:
         objects=len(shares),
         groups=len({group for card in cards for group in card.groups}),
         sensors=tuple(sorted({sensor for card in cards for sensor in card.sensors})),
-        coverage=tuple(_coverage(k + 1, of) for k, of in enumerate(shares.T)) if shares.size else (),
+        coverage=tuple(_coverage(k + 1, column) for k, column in enumerate(shares.T)) if shares.size else (),
         rejected={name: reason for card in cards for name, reason in card.rejected.items()},
         faults=sum(card.faults for card in cards),
         shards=tuple(

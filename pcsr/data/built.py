@@ -1,4 +1,4 @@
-"""Data that is built already, in one folder or in several, and a recipe on it."""
+"""Data sets that are built already, in one folder or several, as the data of a recipe."""
 
 import dataclasses
 import hashlib
@@ -19,18 +19,18 @@ from pcsr.recipe import PARTS, Recipe, from_resolved
 
 
 @dataclass(frozen=True)
-class Built:
-    """Folders that `pcsr data make` built, as one data set in their order."""
+class BuiltData:
+    """Folders that `pcsr data make` built, joined to one data set in this order."""
 
     folders: tuple[Path, ...]
     manifests: tuple[Manifest, ...]
 
     @classmethod
-    def read(cls, folders: Sequence[Path]) -> "Built":
-        """Look at what they hold.
+    def read(cls, folders: Sequence[Path]) -> "BuiltData":
+        """Read the manifests of folders.
 
         Raises:
-            UserError: one is no such folder or is named twice, or their clouds differ in size.
+            UserError: a folder holds no data set or is named twice, or the folders' clouds differ in size.
         """
         for number, folder in enumerate(folders):
             if folder.resolve() in [other.resolve() for other in folders[:number]]:
@@ -49,24 +49,24 @@ class Built:
 
     @property
     def fingerprint(self) -> str:
-        """That of the folder; of several a hash of theirs, in their order."""
+        """Fingerprint of the folder; for several folders, a hash of their fingerprints in order."""
         if not self.joined:
             return self.manifests[0].fingerprint
         return hashlib.sha256(json.dumps(self.joined).encode()).hexdigest()
 
     @property
     def joined(self) -> tuple[str, ...]:
-        """The fingerprints of several folders; nothing for a single one."""
+        """Fingerprints of the folders if there are several; empty for a single folder."""
         return tuple(one.fingerprint for one in self.manifests) if len(self.manifests) > 1 else ()
 
     def holders(self, split: str) -> list[int]:
-        """The numbers of the folders that have a split."""
+        """Return the indices of the folders that have a split."""
         return [number for number, manifest in enumerate(self.manifests) if split in manifest.splits]
 
     def missing(self) -> list[str]:
-        """For each folder that lacks a split which another has, a line that says so."""
+        """Return a message for each folder that lacks a split which another folder has."""
         return [
-            f"{folder} has no split '{split}': {manifest.empty.get(split, 'it is not built to its end')}"
+            f"{folder} has no split '{split}': {manifest.empty.get(split, 'it is not finished')}"
             for split in SPLITS
             if self.holders(split)
             for folder, manifest in zip(self.folders, self.manifests, strict=True)
@@ -74,7 +74,7 @@ class Built:
         ]
 
     def shards(self, split: str) -> list[Path]:
-        """The files of a split, in all folders."""
+        """Return the files of a split, of all folders."""
         return [
             self.folders[number] / shard.file
             for number in self.holders(split)
@@ -82,25 +82,25 @@ class Built:
         ]
 
     def objects(self, split: str) -> int:
-        """How many objects of a split all folders have."""
+        """Return the number of objects of a split, over all folders."""
         return sum(self.manifests[number].splits[split].objects for number in self.holders(split))
 
     def split(self, split: str, advance: Callable[[int], None] = lambda count: None) -> Split:
-        """A split of all folders that have it.
+        """Load a split from all folders that have it.
 
         Args:
             split: "train", "validation" or "test".
             advance: called with the number of objects that were just read and checked.
 
         Raises:
-            UserError: none has it, a file is damaged, or the clouds differ in size.
+            UserError: no folder has the split, a file is damaged, or the clouds differ in size.
         """
-        holders = self.holders(split) or [0]  # which says what is wrong
+        holders = self.holders(split) or [0]  # without any, loading it from the first folder raises the error
         whole = Split.joined([Split.load(self.folders[number], split, advance=advance) for number in holders])
         return dataclasses.replace(whole, about={**whole.about, "fingerprint": self.fingerprint})
 
     def card(self) -> list[dict[str, Any]]:
-        """What weights that were trained on it say of it: of each folder its name, and what its manifest says."""
+        """Return the description of the data for the card of weights: name, settings and sizes of each folder."""
         return [
             {
                 "folder": folder.resolve().name,
@@ -111,13 +111,14 @@ class Built:
             for folder, manifest in zip(self.folders, self.manifests, strict=True)
         ]
 
-    def lay_under(self, recipe: Recipe, registry: Registry) -> Recipe:
-        """The recipe on this data: all but the number of touches is as the manifest says.
+    def replace_data(self, recipe: Recipe, registry: Registry) -> Recipe:
+        """Return the recipe with the settings of this data set in place of its own, except the number of touches.
 
-        Of several folders the first with a split `test` says it; where they differ in sampling, it is mixed.
+        The settings of several folders are those of the first with a split `test`; if the folders differ in their
+        sampling, it is set to `mixed`.
 
         Raises:
-            UserError: the recipe asks for more touches than the data has, for meshes of several folders, or the data
+            UserError: the recipe needs more touches than the data has, or meshes of several folders, or the data
                 names parts that are not installed.
         """
         self._check_touches(recipe)
@@ -129,30 +130,33 @@ class Built:
         plain = recipe.resolved()
         plain["data"] = {**data, "touches": recipe.data.touches}
         plain["joined"] = list(self.joined)
-        parts = PARTS.keys() - ({("train", "objective")} if recipe.weights else set())  # with weights none is needed
-        on = from_resolved(plain, registry, f"{recipe.name} on {' and '.join(map(str, self.folders))}", parts)
-        # What made the data is in their fingerprint, whatever the code of those parts is by now.
-        return on.model_copy(update={"code": {k: v for k, v in on.code.items() if not k.startswith("data.")}})
+        parts = PARTS.keys() - ({("train", "objective")} if recipe.weights else set())  # weights need no objective
+        origin = f"{recipe.name} on {' and '.join(map(str, self.folders))}"
+        replaced = from_resolved(plain, registry, origin, parts)
+        # The data's fingerprint covers the code that built it; the present code of those parts does not matter.
+        code = {key: value for key, value in replaced.code.items() if not key.startswith("data.")}
+        return replaced.model_copy(update={"code": code})
 
     def _check_touches(self, recipe: Recipe) -> None:
-        wanted = recipe.data.touches if recipe.weights else recipe.most_touches  # nothing is trained with weights
+        # `train.touches` matters only if the recipe is trained.
+        needed = recipe.data.touches if recipe.weights else recipe.most_touches
         for folder, manifest in zip(self.folders, self.manifests, strict=True):
             has = manifest.data.touches
-            if wanted > has:
+            if needed > has:
                 raise UserError(
-                    f"{folder} has {has} touches of each object, and '{recipe.name}' asks for {wanted}: "
-                    f"build it with --set touches={wanted}, or lower data.touches and train.touches"
+                    f"{folder} has {has} touches of each object, and '{recipe.name}' needs {needed}: "
+                    f"build it with --set touches={needed}, or lower data.touches and train.touches"
                 )
 
     def _check_meshes(self, recipe: Recipe, testing: Sequence[int]) -> None:
-        """Meshes are found by the names of objects, which those of one folder alone know."""
+        """Check that the meshes, if the evaluation needs them, all come from the same shape source."""
         needs_mesh = {name for name, metric in METRICS.items() if metric.needs_mesh} | {"floor"}
-        wanting = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.baselines) if name in needs_mesh]
+        users = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.baselines) if name in needs_mesh]
         shapes = (self.manifests[number].data.shapes.model_dump(mode="json") for number in testing)
-        several = {json.dumps(one, sort_keys=True) for one in shapes}
-        if wanting and len(several) > 1:
+        sources = {json.dumps(one, sort_keys=True) for one in shapes}
+        if users and len(sources) > 1:
             folders = " and ".join(str(self.folders[number]) for number in testing)
             raise UserError(
-                f"'{wanting[0]}' needs the meshes, and the test objects of {folders} are of different shapes: "
-                f"evaluate on one of them, or leave it out of evaluate"
+                f"'{users[0]}' needs the meshes, and the test objects of {folders} are from different shape sources: "
+                f"evaluate on one of them, or remove '{users[0]}' from evaluate"
             )

@@ -1,4 +1,4 @@
-"""Batches made ahead by other processes: a GPU is done with one before a single process has made the next."""
+"""Data loading: batches are prepared ahead by other processes, since one process cannot keep a GPU busy."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -11,19 +11,19 @@ from pcsr.data.batches import Batch, Batches
 from pcsr.workers import end_with_parent
 
 LOADERS = 2
-"""Processes that make batches for a GPU, if nobody says how many."""
+"""Default number of processes that prepare batches for a GPU."""
 
 
 def prepared(batches: Batches, steps: range, loaders: int, rank: int = 0, ranks: int = 1) -> Iterable[Batch]:
-    """The share of process `rank` in each batch of `steps`, in their order.
+    """Iterate over the batches of `steps` in order, and return of each the share of process `rank`.
 
     Args:
-        batches: all of them, by number.
-        steps: which of them.
-        loaders: processes, of a thread each, that make them; 0 makes each when it is asked for. Beside a CPU that
-            trains nothing is gained by more.
-        rank: the number of this process among those that train.
-        ranks: how many train.
+        batches: all batches of the training, by step.
+        steps: steps to iterate over.
+        loaders: number of processes, with one thread each, that prepare batches. 0: each batch is prepared when it is
+            requested, which is as fast for training on a CPU.
+        rank: index of this process among those that train.
+        ranks: number of processes that train.
     """
     share = partial(batches.at, rank=rank, ranks=ranks)
     if not loaders or not steps:
@@ -40,7 +40,7 @@ def prepared(batches: Batches, steps: range, loaders: int, rank: int = 0, ranks:
 
 @dataclass(frozen=True)
 class _Shares(Dataset[Batch]):
-    """What a loader asks for an item."""
+    """Map-style data set whose items are shares of batches."""
 
     share: Callable[[int], Batch]
 
@@ -49,7 +49,10 @@ class _Shares(Dataset[Batch]):
 
 
 def _apart(_number: int) -> None:
-    """Ctrl-C and a scheduler's polite kill go to a whole process group; training ends its step, then its loaders."""
-    if hasattr(os, "setpgid"):  # Windows has no process groups of this kind
+    """Move the loader to a process group of its own, since Ctrl-C signals a whole group.
+
+    The training process handles the signal, finishes its step and ends its loaders.
+    """
+    if hasattr(os, "setpgid"):  # not on Windows
         os.setpgid(0, 0)
-    end_with_parent()  # torch looks for it every five seconds only
+    end_with_parent()  # torch checks for the parent only every five seconds

@@ -17,18 +17,18 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.sampling import CANDIDATES, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
 
-FAR = 0.25
-"""A touch that lies so many radii off the surface is none of this object."""
-NEAR = 2.0
-"""A truth point is felt if a touched point lies within this many of their usual distances."""
+MAX_TOUCH_DISTANCE = 0.25
+"""Greatest median distance of a touch's points from the surface, in radii of the object; a farther touch is refused."""
+COVERAGE_RADIUS = 2.0
+"""A touched point covers the truth's points within this multiple of the mean spacing of the touched points."""
 
 KINDS = ("random", "poisson", "fps", "view")
-"""Of sparse clouds: what `mixed` draws from, object by object."""
+"""Samplings that `mixed` chooses from at random for each object."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Clouds in the frame in which the truth fills the unit sphere."""
+    """Clouds of one object, normalized so that the truth fills the unit sphere."""
 
     name: str
     group: str
@@ -36,54 +36,62 @@ class Sample:
     points: Float[np.ndarray, "n 3"]
     touches: Float[np.ndarray, "a m 3"]
     sphere: UnitSphere
-    """Maps the object's own frame to this one."""
+    """Normalization, from the object's own frame to that of the clouds."""
     coverage: tuple[float, ...]
-    """The share of the truth that the first touch felt, that the first two felt, and so on."""
+    """Share of the truth's points that the first 1, 2, … touches cover."""
     sensor: str
 
 
 @dataclass(frozen=True)
-class Rejected:
-    """An object that could not be used."""
+class Rejection:
+    """Reason why an object could not be used."""
 
     reason: str
     fault: bool = False
-    """Not the object's doing but a fault of a part or a library: it is tried again when the build is run again."""
+    """Whether a part or library failed unexpectedly. The object is then tried again by the next build."""
 
 
 def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, seed: int) -> Sample:
-    """Sample an object's surface and touch it.
+    """Sample the surface of an object, and touch it.
+
+    Args:
+        item: object with its mesh.
+        source: touch source.
+        data: section `data` of the recipe, with the sizes and samplings of the clouds.
+        touches: number of touches.
+        seed: seed of the data set.
 
     Raises:
-        UserError: the object has no usable surface or cannot be touched; the message names it and says why.
+        UserError: the object has no usable surface or cannot be touched. The message names the object.
     """
     rng = np.random.default_rng(item_seed(seed, item.name))
     truth = _truth(item.mesh, data, rng)
     points = _sparse(item, truth, data, rng)
-    felt = source.touches(item, points.copy(), touches, int(rng.integers(2**31))) if touches else []
-    sizes = {len(touch.points) for touch in felt}
-    if len(felt) != touches or len(sizes) > 1 or 0 in sizes:
+    recorded = source.touches(item, points.copy(), touches, int(rng.integers(2**31))) if touches else []
+    sizes = {len(touch.points) for touch in recorded}
+    if len(recorded) != touches or len(sizes) > 1 or 0 in sizes:
         raise UserError(
-            f"{item.name}: its touch source gave {[len(touch.points) for touch in felt]} points, "
-            f"where {touches} touches of one size were asked for"
+            f"{item.name}: its touch source returned touches of {[len(touch.points) for touch in recorded]} points "
+            f"instead of {touches} touches of equal size"
         )
     with np.errstate(all="ignore"):
         sphere = UnitSphere.fit(truth)
     if not (np.isfinite(sphere.radius) and sphere.radius > 0):
         raise UserError(
-            f"{item.name}: its size, {np.ptp(truth, axis=0).max():.3g}, is beyond what numbers of 64 bits can be "
-            f"squared to: scale it"
+            f"{item.name}: its size, {np.ptp(truth, axis=0).max():.3g}, is too large or small to be squared in "
+            f"64-bit arithmetic: scale it"
         )
     surface = KDTree(truth)
-    for number, touch in enumerate(felt):
+    for number, touch in enumerate(recorded):
         finite = bool(np.isfinite(touch.points).all())
-        away = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
-        if away > FAR and away > 3 * _gap(surface) / sphere.radius:  # a truth of few points has wide gaps
+        distance = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
+        # A sparse truth has wide gaps.
+        if distance > MAX_TOUCH_DISTANCE and distance > 3 * _spacing(surface) / sphere.radius:
             raise UserError(
-                f"{item.name}: touch {number} lies {away:.3g} radii off the surface, or is not finite: its source "
-                f"gives it in another unit or frame"
+                f"{item.name}: touch {number} lies {distance:.3g} radii off the surface, or is not finite: its source "
+                f"returns it in another unit or frame"
             )
-    clouds = [sphere.apply(touch.points) for touch in felt]
+    clouds = [sphere.apply(touch.points) for touch in recorded]
     return Sample(
         name=item.name,
         group=item.group,
@@ -92,42 +100,42 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
         touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
         coverage=covered(sphere.apply(truth), clouds),
-        sensor="+".join(dict.fromkeys(touch.sensor for touch in felt)),
+        sensor="+".join(dict.fromkeys(touch.sensor for touch in recorded)),
     )
 
 
 def item_seed(seed: int, name: str) -> int:
-    """A seed for one object that depends neither on the others nor on the machine."""
+    """Return the seed of one object, which depends neither on other objects nor on the machine."""
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
 
 
-def felt_points(
+def covered_points(
     truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]
 ) -> Bool[np.ndarray, "a g"]:
-    """For each touch, the points of the truth that it feels.
+    """Return, for each touch, which points of the truth it covers.
 
-    A point is felt if a touched point lies within twice the mean distance from a touched point to its nearest.
-    Measured on the clouds themselves, so that it means the same for every touch source.
+    A point is covered if a touched point lies within `COVERAGE_RADIUS` times the mean distance from a touched point to
+    its nearest neighbour. The definition uses the clouds alone, so that it is the same for every touch source.
     """
-    felt = np.zeros((len(touches), len(truth)), bool)
-    for row, touch in zip(felt, touches, strict=True):
-        tree = KDTree(np.unique(touch, axis=0))  # where a touch had too few points they are repeated
+    covers = np.zeros((len(touches), len(truth)), bool)
+    for row, touch in zip(covers, touches, strict=True):
+        tree = KDTree(np.unique(touch, axis=0))  # a touch of too few points repeats some
         if tree.n > 1:
-            reach = NEAR * _gap(tree)
-            # Most of the truth is far from a touch: what a box tells need not be asked.
-            around = ((truth >= tree.mins - reach) & (truth <= tree.maxes + reach)).all(1)
-            row[around] = np.isfinite(tree.query(truth[around], distance_upper_bound=reach)[0])
-    return felt
+            radius = COVERAGE_RADIUS * _spacing(tree)
+            # Only points in the touch's bounding box are queried; most of the truth is far away.
+            inside = ((truth >= tree.mins - radius) & (truth <= tree.maxes + radius)).all(1)
+            row[inside] = np.isfinite(tree.query(truth[inside], distance_upper_bound=radius)[0])
+    return covers
 
 
 def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]) -> tuple[float, ...]:
-    """The share of the truth's points that the first touch feels (`felt_points`), the first two, and so on."""
-    by_any = np.logical_or.accumulate(felt_points(truth, touches))
+    """Return the share of the truth's points that the first 1, 2, … touches cover, as `covered_points` defines it."""
+    by_any = np.logical_or.accumulate(covered_points(truth, touches))
     return tuple(by_any.mean(1).tolist())
 
 
-def _gap(tree: KDTree) -> float:
-    """Mean distance from a point to its nearest."""
+def _spacing(tree: KDTree) -> float:
+    """Return the mean distance from a point to its nearest neighbour."""
     return float(tree.query(tree.data, k=2)[0][:, 1].mean())
 
 
@@ -143,7 +151,7 @@ def _truth(mesh: trimesh.Trimesh, data: Data, rng: np.random.Generator) -> Float
 def _sparse(
     item: ShapeItem, truth: Float[np.ndarray, "g 3"], data: Data, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 3"]:
-    """A subset of the truth, as in the paper, or what a camera sees."""
+    """Return the sparse cloud: a subset of the truth, as in the paper, or points that a simulated camera sees."""
     sampling = str(rng.choice(KINDS)) if data.sampling == "mixed" else data.sampling
     if sampling == "view":
         return seen_points(item.mesh, data.points, data.view, rng, item.name)

@@ -1,7 +1,6 @@
-"""What the files of a data set say of themselves: `manifest.json`, and the card in the header of each shard.
+"""Models of a data set's metadata: `manifest.json`, and the card in the header of each shard.
 
-Keys that this version doesn't know are left alone, so that a later one may say more. What changes a meaning raises
-`FORMAT`.
+Unknown keys are ignored, so that later versions may add some. A change of meaning increases `FORMAT`.
 """
 
 from typing import Annotated, Any, TypeVar
@@ -18,10 +17,10 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 def _reasons(value: dict[str, Any]) -> dict[str, str]:
-    """Texts by name; of ten thousand that are none one is told, which pydantic alone would not do."""
+    """Check that all reasons are text, and report the first that is not; pydantic would report each of them."""
     for name, reason in value.items():
         if not isinstance(reason, str):
-            raise ValueError(f"what it says of {shown(name)} should be a text, but is {shown(reason)}")
+            raise ValueError(f"the reason for {shown(name)} must be text, got {shown(reason)}")
     return value
 
 
@@ -29,29 +28,29 @@ Reasons = Annotated[dict[str, Any], AfterValidator(_reasons)]
 Names = Annotated[tuple[str, ...], FailFast()]
 
 
-class Stated(BaseModel):
-    """Of the right types and finite, or refused; it never changes."""
+class FrozenModel(BaseModel):
+    """Immutable model with strict types and finite numbers."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class Part(Stated):
-    """The name of a part, and its options beside it."""
+class Part(FrozenModel):
+    """Name of a part, with its options as further keys."""
 
     model_config = ConfigDict(extra="allow")
 
     use: str
 
 
-class Settings(Stated):
-    """A recipe's section `data`, every default filled in; what it holds beyond these a recipe's own check judges."""
+class Settings(FrozenModel):
+    """Section `data` of the recipe with all defaults. Further keys are not checked here, but with the recipe."""
 
     model_config = ConfigDict(extra="allow")
 
     shapes: Part
     touch: Part
     touches: Count
-    """Of each object."""
+    """Number of touches for each object."""
     points: Annotated[int, Field(ge=1)]
     rate: Annotated[int, Field(ge=1)]
     truth: str
@@ -60,16 +59,16 @@ class Settings(Stated):
     seed: Count
 
 
-class Shard(Stated):
-    """One file of a split."""
+class Shard(FrozenModel):
+    """File of a split."""
 
     file: str
     objects: Count
     sha256: Sha256
 
 
-class Coverage(Stated):
-    """The share of an object that its first touches cover: its mean over the objects, and three quantiles."""
+class Coverage(FrozenModel):
+    """Share of the truth's points that the first `touches` touches cover: mean and percentiles over the objects."""
 
     touches: Annotated[int, Field(ge=1)]
     mean: Share
@@ -78,22 +77,22 @@ class Coverage(Stated):
     p90: Share
 
 
-class Summary(Stated):
-    """One split: what its shards hold together."""
+class Summary(FrozenModel):
+    """Summary of a split over all its shards."""
 
     objects: Count
     groups: Count
     sensors: Names
     coverage: Annotated[tuple[Coverage, ...], FailFast()]
-    """For 1, 2, … touches."""
+    """Coverage by 1, 2, … touches."""
     rejected: Reasons
-    """The objects that could not be used, and why."""
+    """Objects that could not be used, with the reasons."""
     faults: Count
-    """Of the rejected, those that are not the objects' doing; they are tried again by the next build."""
+    """Number of objects that were rejected because of an unexpected error, and that the next build tries again."""
     shards: Annotated[tuple[Shard, ...], FailFast()]
 
     def place(self, row: int) -> tuple[int, int]:
-        """The shard that holds an object, and the object's row in it."""
+        """Return the index of the shard that holds an object, and the object's row in it."""
         for number, shard in enumerate(self.shards):
             if row < shard.objects:
                 return number, row
@@ -101,22 +100,23 @@ class Summary(Stated):
         raise IndexError(f"no object {row} beyond the last shard")
 
 
-class Formatted(Stated):
-    """What every version's manifest says first."""
+class FormatVersion(FrozenModel):
+    """Part of the manifest that is the same in all versions of the format."""
 
     format: int
 
 
-class Manifest(Formatted):
-    """All of a folder."""
+class Manifest(FormatVersion):
+    """Content of `manifest.json`, which describes a data set."""
 
     made_by: str
+    """Version of pcsr that built the data set."""
     fingerprint: Sha256
     data: Settings
     empty: Reasons = Field(default_factory=dict)
-    """Why a split has no objects."""
+    """Splits without objects, with the reasons."""
     splits: dict[str, Summary]
-    """Those that are built to their end."""
+    """Finished splits."""
 
     @model_validator(mode="after")
     def _agrees(self) -> "Manifest":
@@ -125,28 +125,30 @@ class Manifest(Formatted):
                 raise ValueError(f"splits.{split[:80]} is none of {', '.join(SPLITS)}")
             for number, shard in enumerate(about.shards):
                 wanted = shard_name(split, number)
-                if shard.file != wanted:  # so that none is listed twice or lies elsewhere
+                if shard.file != wanted:  # rules out duplicates and files of other folders
                     raise ValueError(f"splits.{split}.shards.{number}.file is {shard.file[:80]!r}, not '{wanted}'")
             there = sum(shard.objects for shard in about.shards)
             if about.objects != there:
                 raise ValueError(f"splits.{split}.objects is {about.objects}, but its shards hold {there}")
             if about.objects and len(about.coverage) != self.data.touches:
                 raise ValueError(
-                    f"splits.{split}.coverage is of {len(about.coverage)} touches, data.touches is {self.data.touches}"
+                    f"splits.{split}.coverage lists {len(about.coverage)} touches, but data.touches is "
+                    f"{self.data.touches}"
                 )
         return self
 
 
-class Card(Stated):
-    """What a shard says of the objects in it, in their order."""
+class Card(FrozenModel):
+    """Metadata of a shard; lists are in the order of its objects."""
 
     fingerprint: Sha256
-    """Of the data that it belongs to."""
+    """Fingerprint of the data set that the shard belongs to."""
     names: Names
     groups: Names
     spheres: Annotated[tuple[tuple[float, float, float, Annotated[float, Field(gt=0)]], ...], FailFast()]
-    """Centre and radius, in the object's own frame, of the sphere that became the unit sphere."""
+    """Centre and radius of the truth's bounding sphere, in the object's own frame: x, y, z, radius."""
     coverage: Annotated[tuple[Annotated[tuple[Share, ...], FailFast()], ...], FailFast()]
+    """Share of each object's truth that its first 1, 2, … touches cover."""
     sensors: Names
     rejected: Reasons
     faults: Count
@@ -160,21 +162,21 @@ class Card(Stated):
 
 
 def shard_name(split: str, number: int) -> str:
-    """What the file of shard `number` of a split is called."""
+    """Return the file name of shard `number` of a split."""
     return f"{split}-{number:05d}.safetensors"
 
 
 def parsed(model: type[Model], text: str | bytes) -> Model:
-    """A model of JSON text.
+    """Parse JSON text into a model.
 
     Raises:
-        ValueError: it has mistakes. The message names the first, and how many more there are.
+        ValueError: the text has mistakes. The message describes the first, and counts the others.
     """
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
         first, *others = error.errors(include_url=False)
         path = ".".join(str(key) for key in first["loc"] if key != "[key]")
-        wrong = "it must be given" if first["type"] == "missing" else explained([first])
-        said = f"{path}: {wrong}" if path else wrong
-        raise ValueError(f"{said} (and {len(others)} more)" if others else said) from error
+        mistake = "it is missing" if first["type"] == "missing" else explained([first])
+        message = f"{path}: {mistake}" if path else mistake
+        raise ValueError(f"{message} (and {len(others)} more)" if others else message) from error

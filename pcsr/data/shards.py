@@ -1,6 +1,6 @@
-"""The data set on disk: a few dozen objects a file, each file whole or not there, read by mapping it into memory.
+"""Files of a data set: shards of a few dozen objects each, written atomically and read by memory mapping.
 
-A folder holds `train-00000.safetensors` and so on, and `manifest.json`, which says what is in them.
+A folder contains `train-00000.safetensors` and so on, and `manifest.json`, which describes them.
 """
 
 import errno
@@ -16,39 +16,40 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from pcsr.data.plan import FORMAT
-from pcsr.data.sample import Rejected, Sample
-from pcsr.data.schema import Card, Formatted, Manifest, Settings, parsed, shard_name
+from pcsr.data.sample import Rejection, Sample
+from pcsr.data.schema import Card, FormatVersion, Manifest, Settings, parsed, shard_name
 from pcsr.errors import UserError
 from pcsr.files import save_tensors, sha256, write_text
 from pcsr.geometry.frames import UnitSphere
 
 SHARD = 64
-"""Objects in a file: about 9 MB at the paper's size, and at most so much work is lost by a kill."""
+"""Number of objects in a shard: about 9 MB at the paper's sizes. An interrupted build loses at most this many."""
 MANIFEST = "manifest.json"
 CLOUDS = ("truth", "points", "touches")
+"""Names of a shard's tensors."""
 LONGEST_MANIFEST = 32 << 20
-"""Bytes: the shards of some ten million objects."""
+"""Greatest size of a manifest in bytes, enough for ten million objects."""
 LONGEST_HEADER = 8 << 20
-"""Bytes: names and reasons of the objects in one shard."""
-AGAIN = "run the command that built it again, which makes it anew"
-"""What to do about a file that is not as it was written."""
+"""Greatest size of a shard's header in bytes; it holds names and reasons."""
+REMEDY = "run the command that built it again, which rebuilds this file"
+"""Remedy in messages about damaged files."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
-    """Where shard `number` of a split lies."""
+    """Return the path of shard `number` of a split."""
     return folder / shard_name(split, number)
 
 
-def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejected]], fingerprint: str) -> None:
-    """Write some objects, and the reasons of those that could not be used.
+def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejection]], fingerprint: str) -> None:
+    """Write a shard.
 
     Args:
-        path: of the file.
-        results: each object's name with its sample, or the reason why there is none.
-        fingerprint: of the plan that they belong to.
+        path: file to write.
+        results: name of each object, with its sample or the reason for its rejection.
+        fingerprint: fingerprint of the data set.
 
     Raises:
-        UserError: touches of different sizes.
+        UserError: touches differ in their number of points.
     """
     samples = [result for _, result in results if isinstance(result, Sample)]
     card = Card(
@@ -58,12 +59,12 @@ def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejected]], fi
         spheres=tuple(_four(s.sphere) for s in samples),
         coverage=tuple(s.coverage for s in samples),
         sensors=tuple(sorted({s.sensor for s in samples})),
-        rejected={name: result.reason for name, result in results if isinstance(result, Rejected)},
-        faults=sum(isinstance(result, Rejected) and result.fault for _, result in results),
+        rejected={name: result.reason for name, result in results if isinstance(result, Rejection)},
+        faults=sum(isinstance(result, Rejection) and result.fault for _, result in results),
     )
     sizes = {s.touches.shape[1:] for s in samples}
     if len(sizes) > 1:
-        raise UserError(f"{path}: touches of {sorted(sizes)} points: a touch source must give all alike")
+        raise UserError(f"{path}: touches of {sorted(sizes)} points: a touch source must return touches of equal size")
     tensors = {
         name: torch.from_numpy(np.stack([getattr(s, name) for s in samples]) if samples else np.zeros(0, np.float32))
         for name in CLOUDS
@@ -77,68 +78,68 @@ def _four(sphere: UnitSphere) -> tuple[float, float, float, float]:
 
 
 def read_card(path: Path) -> Card:
-    """What a shard says of itself, without its clouds.
+    """Read the card of a shard, without its clouds.
 
     Raises:
-        UserError: the file is damaged or not a shard.
+        UserError: the file is damaged, or not a shard.
     """
     try:
         _regular(path)
         with path.open("rb") as file:
             header = int.from_bytes(file.read(8), "little")
         if header > LONGEST_HEADER:
-            raise ValueError(f"its header has {header} bytes, a shard's has {LONGEST_HEADER} at most")
+            raise ValueError(f"its header has {header} bytes, more than {LONGEST_HEADER}")
         with safe_open(path, "pt") as file:
             card = parsed(Card, (file.metadata() or {})["pcsr"])
             _check_clouds(file, card)
     except KeyError as error:
-        raise UserError(f"{path} is not a shard of pcsr data (it has no {error}): {AGAIN}") from error
+        raise UserError(f"{path} is not a shard of pcsr data (it has no {error}): {REMEDY}") from error
     except (SafetensorError, OSError, ValueError) as error:
-        raise UserError(f"{path} is not a shard of pcsr data ({error}): {AGAIN}") from error
+        raise UserError(f"{path} is not a shard of pcsr data ({error}): {REMEDY}") from error
     return card
 
 
 def _regular(path: Path) -> None:
-    """Refuse what may never end or never begin, such as a device or a pipe.
+    """Check that a path is not a device or pipe, whose reading may never end.
 
     Raises:
-        OSError: it is there, but no file.
+        OSError: the path exists, but is no regular file.
     """
     if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "it is no file")
+        raise OSError(errno.EINVAL, "it is no regular file")
 
 
 def _check_clouds(file: Any, card: Card) -> None:
-    """Refuse clouds that are not those of the objects on the card.
+    """Check that the tensors of a shard match its card.
 
     Raises:
-        KeyError, SafetensorError: some are missing.
-        ValueError: they are of another type or shape.
+        KeyError, SafetensorError: a tensor is missing.
+        ValueError: a tensor has the wrong type or shape.
     """
     missing = set(CLOUDS) - set(file.keys())
     if missing:
         raise KeyError(min(missing))
     touches = {len(shares) for shares in card.coverage}
     if len(touches) > 1:
-        raise ValueError(f"its coverage is of {' and '.join(map(str, sorted(touches)))} touches")
+        raise ValueError(f"its coverage lists {' and '.join(map(str, sorted(touches)))} touches")
     for name in CLOUDS:
         cloud = file.get_slice(name)
         kind, shape = cloud.get_dtype(), cloud.get_shape()
         wanted = [len(card.names), *touches] if name == "touches" else [len(card.names)]
         if kind != "F32":
-            raise ValueError(f"its {name} are {kind}, a shard's are F32")
+            raise ValueError(f"its {name} are {kind} instead of F32")
         if card.names and (shape[:-2] != wanted or shape[-1] != 3):
-            raise ValueError(f"its {name} are of shape {tuple(shape)}, for {len(card.names)} objects")
+            raise ValueError(f"its {name} have shape {tuple(shape)}, for {len(card.names)} objects")
 
 
 def read_clouds(path: Path) -> dict[str, Tensor]:
-    """The clouds of a shard, mapped into memory: what is not looked at is not read."""
+    """Return the clouds of a shard, memory-mapped, so that they are read when they are accessed."""
     with safe_open(path, "pt") as file:
         return {name: file.get_tensor(name) for name in CLOUDS}
 
 
 def shard_sum(path: Path) -> str:
-    """SHA-256 of a file; in one process it is read once, unless it changes."""
+    """Return the SHA-256 hash of a file. The result is cached until the file changes."""
     about = path.stat()
     return _sum(path.resolve(), about.st_ino, about.st_size, about.st_mtime_ns)
 
@@ -149,26 +150,26 @@ def _sum(path: Path, _inode: int, _size: int, _modified: int) -> str:
 
 
 def checked_shard(folder: Path, manifest: Manifest, split: str, number: int) -> tuple[Card, dict[str, Tensor]]:
-    """One shard of a split, held against the manifest: it is read whole, once in a process.
+    """Read a shard and check it against the manifest, including its hash.
 
     Returns:
-        Its card, and its clouds as `read_clouds` gives them.
+        The card, and the memory-mapped clouds.
 
     Raises:
-        UserError: it is missing, belongs to other data, or is not as it was when it was built.
+        UserError: the shard is missing, belongs to another data set, or has changed since it was built.
     """
     shard = manifest.splits[split].shards[number]
     path = folder / shard.file
     if not path.is_file():
-        raise UserError(f"{path} is missing: {AGAIN}")
+        raise UserError(f"{path} is missing: {REMEDY}")
     card = read_card(path)
     if card.fingerprint != manifest.fingerprint:
-        raise UserError(f"{path} belongs to other data than {folder / MANIFEST}: {AGAIN}")
+        raise UserError(f"{path} belongs to other data than {folder / MANIFEST}: {REMEDY}")
     if shard_sum(path) != shard.sha256:
-        raise UserError(f"{path} has changed since it was built, its hash is not that in {MANIFEST}: {AGAIN}")
+        raise UserError(f"{path} has changed since it was built, its hash differs from {MANIFEST}: {REMEDY}")
     clouds = read_clouds(path)
     if len(card.names) != shard.objects:
-        raise UserError(f"{path} holds {len(card.names)} objects, {MANIFEST} says {shard.objects}: {AGAIN}")
+        raise UserError(f"{path} holds {len(card.names)} objects, but {MANIFEST} lists {shard.objects}: {REMEDY}")
     if card.names:
         _check_sizes(path, clouds, manifest.data)
     return card, clouds
@@ -179,19 +180,20 @@ def _check_sizes(path: Path, clouds: dict[str, Tensor], data: Settings) -> None:
     for name, cloud in clouds.items():
         if cloud.shape[1] != wanted[name]:
             raise UserError(
-                f"{path}: its {name} are {cloud.shape[1]} an object, {MANIFEST} says {wanted[name]}: {AGAIN}"
+                f"{path}: '{name}' has {cloud.shape[1]} rows for each object, but {MANIFEST} lists {wanted[name]}: "
+                f"{REMEDY}"
             )
         if cloud.numel() and not torch.stack(torch.aminmax(cloud)).isfinite().all():
-            raise UserError(f"{path}: its {name} have a coordinate that is not finite: {AGAIN}")
+            raise UserError(f"{path}: its {name} have a coordinate that is not finite: {REMEDY}")
 
 
 def damaged(folder: Path, manifest: Manifest, advance: Callable[[int], None] = lambda count: None) -> tuple[str, ...]:
-    """What is wrong with the shards of a folder, a line for each that is missing or not as it was built.
+    """Check all shards of a data set, and return a message for each that is missing or damaged.
 
     Args:
-        folder: the data set.
-        manifest: what its manifest says.
-        advance: called with the number of objects in a shard that was read.
+        folder: folder of the data set.
+        manifest: its manifest.
+        advance: called with the number of objects of each shard that was checked.
     """
     found = []
     for split, about in manifest.splits.items():
@@ -205,32 +207,32 @@ def damaged(folder: Path, manifest: Manifest, advance: Callable[[int], None] = l
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write `manifest.json` whole."""
+    """Write `manifest.json` atomically."""
     write_text(folder / MANIFEST, json.dumps(manifest.model_dump(mode="json"), indent=1) + "\n")
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """What `manifest.json` says.
+    """Read `manifest.json`.
 
     Raises:
-        UserError: there is none, or it is not one of pcsr's, or of another version's format.
+        UserError: the file does not exist, is not a manifest of pcsr, or has the format of another version.
     """
     path = folder / MANIFEST
-    again = "delete it and build again, which keeps the shards that are finished"
+    remedy = "delete it and build again, which keeps finished shards"
     try:
         _regular(path)
         with path.open("rb") as file:
             text = file.read(LONGEST_MANIFEST + 1)
         if len(text) > LONGEST_MANIFEST:
             raise ValueError(f"it has more than {LONGEST_MANIFEST} bytes")
-        form = parsed(Formatted, text).format
+        form = parsed(FormatVersion, text).format
         manifest = parsed(Manifest, text) if form == FORMAT else None
     except FileNotFoundError as error:
         raise UserError(f"{folder} holds no {MANIFEST}: give a folder that `pcsr data make` built") from error
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise UserError(f"{path} is not a manifest of pcsr data: {error}; {again}") from error
+        raise UserError(f"{path} is not a manifest of pcsr data: {error}; {remedy}") from error
     if manifest is None:
-        raise UserError(f"{path} has format {form}, this version of pcsr reads {FORMAT}: build the data again")
+        raise UserError(f"{path} has format {form}, and this version of pcsr reads {FORMAT}: build the data again")
     return manifest

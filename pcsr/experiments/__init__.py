@@ -1,1 +1,1 @@
-"""A recipe to results: training, evaluation, and what a run leaves in its folder."""
+"""Runs of recipes: training, evaluation, and the files of a run folder."""

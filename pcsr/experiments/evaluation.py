@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from pcsr.contracts import ShapeSource
 from pcsr.data.dataset import Split
-from pcsr.data.sample import felt_points, item_seed
+from pcsr.data.sample import covered_points, item_seed
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.sampling import poisson_points
 from pcsr.metrics import METRICS, Mesh
@@ -201,7 +201,7 @@ def _touch_effect(
     """Effect of touch on the first method."""
     touches = [touch[: recipe.data.touches] for touch in split.touches]
     touched = [
-        felt_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)
+        covered_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)
     ]
     with_touches, *others = ([_tensor(cloud) for cloud in timed.clouds] for timed in runs)
     return touch_effect(

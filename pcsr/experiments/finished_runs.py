@@ -1,4 +1,4 @@
-"""Finished weights of a recipe: those of exactly its code and data, and those that other code left."""
+"""Search for finished weights of a recipe, trained with the same code and data, or with earlier code."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,37 +16,40 @@ WEIGHTS = "weights.safetensors"
 
 
 @dataclass(frozen=True)
-class Earlier:
+class EarlierWeights:
     """Weights of a recipe that were trained before the code of a part changed."""
 
     path: Path
     parts: str
-    """Whose code it is, in words."""
-    noted: bool
-    """Whether their card says of which code they are; those of pcsr 0.1.0 do not."""
+    """Parts whose code has changed, in words."""
+    recorded: bool
+    """Whether the card identifies the code that the weights were trained with; cards of pcsr 0.1.0 do not."""
 
     def __str__(self) -> str:
         run = self.path.parent
-        if self.noted:
+        if self.recorded:
             return f"the code of {self.parts} has changed since {run} was trained"
-        return f"{run} was trained by a version of pcsr that did not note the code of {self.parts}"
+        return f"{run} was trained by a version of pcsr that did not record the code of {self.parts}"
 
 
 def of_recipe(recipe: Recipe, data: str, runs: Path, folder: Path) -> tuple[Path, str] | None:
-    """Finished weights of exactly this recipe, its code and its data, and where they come from.
+    """Find finished weights of exactly this recipe, its code and its data.
 
     Args:
-        recipe: as it is run.
-        data: the fingerprint of its data.
-        runs: where run folders are. Under another name, or for another number of touches at evaluation, the same
-            recipe may be trained already.
-        folder: of this run.
+        recipe: recipe to run.
+        data: fingerprint of its data.
+        runs: folder of the run folders. One of another name, or for another number of touches at evaluation, may hold
+            weights of the same recipe.
+        folder: run folder of the recipe.
+
+    Returns:
+        The path of the weights and a description of their origin, or None if there are none.
     """
-    alike = sorted(runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
+    same_fingerprint = sorted(runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
         (weights.shipped(recipe.name), "shipped weights"),
-        *((path, "another run of this recipe") for path in alike),
+        *((path, "another run of this recipe") for path in same_fingerprint),
     ):
         if path.exists():
             card = read_card(path)
@@ -55,16 +58,16 @@ def of_recipe(recipe: Recipe, data: str, runs: Path, folder: Path) -> tuple[Path
     return None
 
 
-def of_other_code(recipe: Recipe, data: str, runs: Path, registry: Registry) -> Earlier | None:
-    """The newest weights of this recipe that were trained with other code of a part.
+def of_other_code(recipe: Recipe, data: str, runs: Path, registry: Registry) -> EarlierWeights | None:
+    """Find the newest weights of this recipe that were trained with other code of a part.
 
-    Their data may be other than now only if a part of other code made it.
+    Weights trained on other data count only if the code of a part that builds the data has changed.
 
     Args:
-        recipe: as it is run.
-        data: the fingerprint of its data.
-        runs: where run folders are.
-        registry: who brings the parts now.
+        recipe: recipe to run.
+        data: fingerprint of its data.
+        runs: folder of the run folders.
+        registry: installed parts.
     """
     newest = sorted(runs.glob(f"*/{WEIGHTS}"), key=lambda path: (path.stat().st_mtime, path), reverse=True)
     for path, card in _cards(newest):
@@ -73,7 +76,7 @@ def of_other_code(recipe: Recipe, data: str, runs: Path, registry: Registry) -> 
             continue
         parts = changed(recipe, card.get("recipe"), registry)
         if parts and (card.get("data_fingerprint") == data or any(place.startswith("data.") for place in parts)):
-            return Earlier(path, " and ".join(parts.values()), "settings_fingerprint" in card)
+            return EarlierWeights(path, " and ".join(parts.values()), "settings_fingerprint" in card)
     return None
 
 
@@ -81,5 +84,5 @@ def _cards(paths: list[Path]) -> Iterator[tuple[Path, dict[str, Any]]]:
     for path in paths:
         try:
             yield path, read_card(path)
-        except UserError:  # what somebody else has put there, or a damaged one, is not what is looked for
+        except UserError:  # a damaged file, or one that is not of pcsr
             continue

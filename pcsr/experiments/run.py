@@ -1,4 +1,4 @@
-"""A recipe to a run folder: data, training, evaluation, results and report."""
+"""Run of a recipe: data, training, evaluation, results and report, all in a run folder."""
 
 import datetime
 import functools
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]:
-    """The optional packages that a run needs, each with what needs it, as `pcsr.extras.require` takes them."""
+    """Return the optional packages that a run needs, each with its user, for `pcsr.extras.require`."""
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
@@ -46,13 +46,23 @@ def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]
 
 
 def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> FinishedRun | None:
-    """Train and evaluate a recipe, as far as that is not done yet.
+    """Train a recipe's network, unless finished weights exist, and evaluate it.
 
-    Training is skipped where the recipe names weights, and where finished weights of exactly this recipe, and of the
-    code of its parts, are in the run folder or shipped.
+    Training is skipped if the recipe names weights, or if the run folder, another run folder or the shipped weights
+    hold finished weights of exactly this recipe, its data and the code of its parts.
+
+    Args:
+        recipe: recipe to run.
+        registry: installed parts.
+        place: device, processes and folders.
+        console: console for messages and progress.
 
     Returns:
-        The run, as it is written into the run folder beside the report; None in all processes but the first.
+        The run, as it is written to the run folder with its report; None in all processes but the first.
+
+    Raises:
+        UserError: the data cannot be built or read, the weights do not fit, or the device does not exist.
+        RunError: training fails, or a file cannot be written.
     """
     folder = run_folder(recipe, place)
     fabric = _fabric(recipe, place)
@@ -148,15 +158,15 @@ def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Ex
 
 
 def _fabric(recipe: Recipe, place: Place) -> "Fabric":
-    many = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
+    distributed = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
     if place.device == "cuda" and not torch.cuda.is_available():
         raise UserError("--device cuda: torch finds no CUDA device here; use --device cpu, or install torch for CUDA")
     fabric: Fabric = imported("lightning_fabric", "training").Fabric(
         accelerator="cuda" if place.device != "cpu" and torch.cuda.is_available() else "cpu",
         devices=place.devices,
         num_nodes=place.nodes,
-        # A batch without touches leaves the fusion's weights without a gradient.
-        strategy="ddp_find_unused_parameters_true" if many else "auto",
+        # In a batch without touches the fusion's weights have no gradient.
+        strategy="ddp_find_unused_parameters_true" if distributed else "auto",
         precision=recipe.train.precision,
     )
     fabric.launch()

@@ -17,7 +17,7 @@ class Place:
     jobs: int | None = None
     """Processes for data and metrics, all cores by default; and for the batches of all GPUs, two each by default."""
     data: tuple[Path, ...] = ()
-    """Folders of data that is built already; the recipe must be on them, as `pcsr.data.built.Built` lays it."""
+    """Folders of data that is built already; the recipe must be on them, as `BuiltData.replace_data` makes it."""
     keep_weights: bool = False
     """Weights that were trained before the code of a part changed are measured, instead of training again."""
     retrain: bool = False

@@ -182,6 +182,14 @@ def train(
     return network.eval()
 
 
+def checkpoint_step(run: Path, data_fingerprint: str | None = None) -> int:
+    """Return the step from whose checkpoint in `run` training goes on; 0 without one of the same data."""
+    checkpoint = run / CHECKPOINT
+    if not checkpoint.exists() or not _is_of(checkpoint, data_fingerprint):
+        return 0
+    return int(read_file(checkpoint, tensors=False)[1]["step"])
+
+
 def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
     """Whether a checkpoint is of these data; one that doesn't say is of the only data that its folder ever had."""
     of = read_file(checkpoint, tensors=False)[1].get("data_fingerprint")

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import Progress
 
 import pcsr
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
+from pcsr.experiments.finished_runs import WEIGHTS, EarlierWeights, of_other_code, of_recipe
 from pcsr.experiments.run_options import Place, run_folder
-from pcsr.experiments.train import CHECKPOINT, train
+from pcsr.experiments.train import CHECKPOINT, checkpoint_step, train
 from pcsr.files import write_text
 from pcsr.network.load import load_weights, save_weights
 from pcsr.network.network import Network
@@ -82,7 +82,10 @@ def trained(
             remedy = "training again; --keep-weights measures the old weights with the new code"
             progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
         why = "--retrain" if place.retrain else "no weights of exactly this recipe yet"
-        progress.console.print(f"{why}: training, {recipe.train.epochs} epochs")
+        step = checkpoint_step(training_folder, fingerprint)
+        epochs = f"{recipe.train.epochs} epochs"
+        doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
+        progress.console.print(f"{why}: {doing}")
     task = progress.add_task("training", total=None)
     network = train(
         recipe,
@@ -111,7 +114,7 @@ def trained(
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
     if place.data:
-        card["data"] = Built.read(place.data).card()
+        card["data"] = BuiltData.read(place.data).card()
     save_weights(folder / WEIGHTS, network, card, registry)
     if place.retrain:
         write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
@@ -122,7 +125,7 @@ def trained(
 
 
 def _kept(
-    recipe: Recipe, earlier: Earlier | None, registry: Registry, place: Place, progress: Progress
+    recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, place: Place, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
     """The network with weights of other code, which whoever reads the results is told.
 

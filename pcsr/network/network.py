@@ -201,9 +201,11 @@ def _thin(dense: Dense, *, count: int, felt: Felt | None) -> Float[Tensor, "b ke
     if dense.shape[1] == count and felt is None:
         return dense
     if torch.compiler.is_exporting():
+        cause = "its upsampler makes" if felt is None else "with touches the network has"
+        remedy = "use an upsampler that makes as many as are asked for, such as 'shuffle'"
         raise UserError(
-            "the network's points are thinned to those that are farthest apart, which no graph knows: export it "
-            "without touches, and with an upsampler that gives just as many as are wanted, such as 'shuffle'"
+            f"{cause} more points than are asked for and keeps those that are farthest apart, a step that ONNX does "
+            f"not have: {remedy if felt is None else 'export it without touches'}"
         )
     rows = []
     for i, row in enumerate(dense):

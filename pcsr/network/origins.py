@@ -7,7 +7,7 @@ from typing import Any
 
 from pcsr import __version__
 from pcsr.errors import UserError
-from pcsr.plugins.registry import FILE, OURS, Registry
+from pcsr.plugins.registry import FILE, FIRST_PARTY, Registry
 from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys
@@ -27,7 +27,7 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
     parts = []
     for kind, name in _used(recipe):
         entry = registry.entries.get((kind, name))
-        if entry is not None and entry.owner != OURS:
+        if entry is not None and entry.owner != FIRST_PARTY:
             parts.append({"kind": kind, "name": name, "owner": entry.brought_by, "version": entry.version})
     return parts
 

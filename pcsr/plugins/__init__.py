@@ -1,1 +1,1 @@
-"""Plugins: how they are found and loaded, and the registry of the parts that they bring."""
+"""Discovery and loading of plugins, and the registry of their parts."""

@@ -1,4 +1,4 @@
-"""The code of parts as a hash: the files of a plugin as they are now."""
+"""Hashes of the code of plugins, which show whether a part has changed since weights were trained."""
 
 import hashlib
 import importlib.util
@@ -9,41 +9,43 @@ from pathlib import Path
 from typing import Any
 
 LENGTH = 12
-"""Hexadecimal digits of a hash."""
-OURS = ("pcsr", "pcsr_plugins")
-"""What a plugin imports of us is no code of its own."""
+"""Length of a hash in hexadecimal digits."""
+EXCLUDED = ("pcsr", "pcsr_plugins")
+"""Packages that plugins import but that are not part of their code."""
 GROUP = "pcsr"
-"""The entry-point group that plugins announce themselves in."""
+"""Entry-point group of plugins."""
+LARGEST = 1 << 24
+"""Greatest size of a plugin file in bytes; a larger one is not read."""
 
 
 def file_code(file: Path) -> str | None:
-    """The hash of a plugin file and of the modules beside it that it imports.
+    """Hash a plugin file and the modules of its folder that it imports.
 
     Args:
-        file: of Python.
+        file: Python file.
 
     Returns:
-        12 hexadecimal digits; None if the file is not there.
+        12 hexadecimal digits, or None if there is no such file.
     """
     if not file.is_file():
         return None
     file = file.resolve()
-    # Under another name the file itself is the same code.
+    # The name of the file itself does not count: a renamed file has the same code.
     names = {path: "" if path == file else path.relative_to(file.parent).as_posix() for path in _local_modules(file)}
     return _hash((name, path) for path, name in names.items())
 
 
 def distribution_code(name: str) -> str | None:
-    """The hash of the version of an installed distribution and of the files of its packages.
+    """Hash the version of an installed distribution and the files of its packages.
 
-    The files are read where Python imports them from, so an editable installation changes its hash with each edit, and
-    gives the hash of a wheel of the same files.
+    The files are read from where Python imports them. The hash of an editable installation therefore changes with each
+    edit, and equals that of a wheel of the same files.
 
     Args:
-        name: of the distribution.
+        name: name of the distribution.
 
     Returns:
-        12 hexadecimal digits; None if it is not installed.
+        12 hexadecimal digits, or None if it is not installed.
     """
     try:
         found = distribution(name)
@@ -54,9 +56,15 @@ def distribution_code(name: str) -> str | None:
 
 
 def python_files(owner: str, *, in_file: bool) -> list[Path]:
-    """The Python files of a plugin: of a plugin file with the modules beside it, or of an installed distribution."""
+    """List the Python files of a plugin.
+
+    Args:
+        owner: path of a plugin file, or name of an installed distribution.
+        in_file: `owner` is a plugin file; the modules of its folder that it imports are listed too.
+    """
     if in_file:
-        return _local_modules(Path(owner).resolve()) if Path(owner).is_file() else []
+        file = Path(owner).resolve()
+        return _local_modules(file) if file.is_file() and file.stat().st_size <= LARGEST else []
     try:
         found = distribution(owner)
     except PackageNotFoundError:
@@ -72,26 +80,26 @@ def _hash(files: Iterable[tuple[str, Path]], head: str = "") -> str:
 
 
 def _local_modules(file: Path) -> list[Path]:
-    """The file, and what it imports from its folder, directly or not."""
-    finder = ModuleFinder(path=[str(file.parent)], excludes=list(OURS))
+    """List the file and the modules of its folder that it imports, directly or indirectly."""
+    finder = ModuleFinder(path=[str(file.parent)], excludes=list(EXCLUDED))
     try:
         finder.run_script(str(file))
-    except Exception:  # a module beside it that is no Python, which it may import on a condition
+    except Exception:  # a module that cannot be parsed, which the file may import conditionally
         return [file]
-    # A package without an `__init__` has no file.
+    # A package without an `__init__.py` has no file.
     found = {Path(named) for module in finder.modules.values() if (named := getattr(module, "__file__", None))}
     return [path for path in {one.resolve() for one in found} | {file} if path.is_relative_to(file.parent)]
 
 
 def _packages(found: Any) -> set[str]:
-    """The modules and packages of a distribution, by the names that they are imported by."""
-    # Not `Distribution`: where the backport importlib_metadata was imported, it gives those of its own class.
+    """List the top-level modules and packages of a distribution by their import names."""
+    # `found` is untyped: after an import of the backport importlib_metadata it is an instance of that one's class.
     announced = {point.module.partition(".")[0] for point in found.entry_points if point.group == GROUP}
     return announced | set((found.read_text("top_level.txt") or "").split())
 
 
 def _files(package: str) -> Iterator[tuple[str, Path]]:
-    """Each file of a package, compiled and hidden ones left out, and its name in it."""
+    """Yield the name within the package and the path of each file of a package, except compiled and hidden ones."""
     try:
         spec = importlib.util.find_spec(package)
     except (ImportError, ValueError):

@@ -1,4 +1,4 @@
-"""What code of a plugin changes in the process around it is set back: other parts would compute something else."""
+"""Guards that restore settings of the process, such as torch's default dtype, after code of a plugin changed them."""
 
 import os
 import sys
@@ -10,62 +10,77 @@ from io import StringIO
 from typing import Any
 
 from pcsr.errors import PcsrWarning
-from pcsr.plugins.process_settings import current, set_back
+from pcsr.plugins.process_settings import current, restore
 
 
 @contextmanager
 def watched() -> Iterator[list[str]]:
-    """Set back what the code within changes of the process, and list it: complete once the context has ended."""
+    """Restore the settings of the process that the code in the context changes.
+
+    Yields:
+        Descriptions of the changes; the list is filled when the context ends.
+    """
     before = current()
     changes: list[str] = []
     try:
         yield changes
     finally:
-        changes += set_back(before)
+        changes += restore(before)
 
 
 @contextmanager
-def guarded(who: str) -> Iterator[None]:
-    """As `watched`; who changed something is named in a warning.
+def guarded(owner: str) -> Iterator[None]:
+    """Do as `watched`, and warn of each change.
 
     Args:
-        who: whose code runs within: "plugin lab.py".
+        owner: what the code in the context belongs to, for the warning: "plugin lab.py".
+
+    Warns:
+        PcsrWarning: the code changed a setting.
     """
     try:
         with watched() as changes:
             yield
     finally:
-        _tell(who, changes)
+        _warn(owner, changes)
 
 
 @contextmanager
-def guarded_import(who: str) -> Iterator[None]:
-    """As `guarded`, for code that is loaded: its streams and the places where modules are looked for are kept too.
+def guarded_import(owner: str) -> Iterator[None]:
+    """Do as `guarded`, for the import of a module: the standard streams and `sys.path` are restored too.
 
-    What it prints goes to standard error, since standard output may be a cloud on its way to another command; and it
-    has nothing to read. Threads load one after the other.
+    Standard output is redirected to standard error, since `pcsr upsample -o -` writes a cloud to standard output.
+    Standard input is empty. One thread at a time is inside such a context.
+
+    Args:
+        owner: what the code in the context belongs to, for the warning.
+
+    Warns:
+        PcsrWarning: the code changed a setting, a stream or `sys.path`.
     """
     with LOADING:
         path = list(sys.path)
-        heard = sys.stderr
+        stderr = sys.stderr
         streams = [_Stream("stdin", StringIO())]
-        streams += [_Stream("stdout", _StandIn(heard)), _Stream("stderr", _StandIn(heard))]
+        streams += [_Stream("stdout", _StandIn(stderr)), _Stream("stderr", _StandIn(stderr))]
         try:
-            with guarded(who):
+            with guarded(owner):
                 yield
         finally:
-            changes = [f"sys.{stream.name}" for stream in streams if stream.put_back()]
-            if [place for place in path if place not in sys.path] or not all(isinstance(one, str) for one in sys.path):
+            changes = [f"sys.{stream.name}" for stream in streams if stream.restore()]
+            removed = [folder for folder in path if folder not in sys.path]
+            if removed or not all(isinstance(one, str) for one in sys.path):
                 sys.path[:] = path
                 changes.append("sys.path")
-            _tell(who, changes)
+            _warn(owner, changes)
 
 
 LOADING = threading.RLock()
+"""Lock that is held while a module of a plugin is imported."""
 
 
 class _Stream:
-    """One of the three standard streams, with a stand-in in its place until it is put back."""
+    """Standard stream that is replaced by a stand-in until `restore`."""
 
     def __init__(self, name: str, stand_in: Any) -> None:
         self.name = name
@@ -74,12 +89,12 @@ class _Stream:
         self.open = self.stream is not None and not self.stream.closed
         self.stand_in = stand_in
         self.copy: int | None = None
-        with suppress(OSError):  # closed by the shell
+        with suppress(OSError):  # the shell closed the stream
             self.copy = os.dup(self.number)
         setattr(sys, name, stand_in)
 
-    def put_back(self) -> bool:
-        """Put the stream back, open as it was; whether somebody had replaced or closed it."""
+    def restore(self) -> bool:
+        """Restore the stream, reopened if it was closed, and return whether it had been replaced or closed."""
         spoilt = getattr(sys, self.name) is not self.stand_in or bool(self.stand_in.closed)
         if self.copy is not None:
             try:
@@ -97,29 +112,29 @@ class _Stream:
 
 
 class _StandIn:
-    """A stream in another's place: it passes everything on, but closing it closes nothing."""
+    """Stream that forwards everything to another one, except `close`."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
         self.closed = False
 
     def write(self, text: str) -> int:
-        """Pass text on."""
+        """Write text to the other stream."""
         return len(text) if self._stream is None else self._stream.write(text)
 
     def flush(self) -> None:
-        """Pass it on."""
+        """Flush the other stream."""
         if self._stream is not None:
             self._stream.flush()
 
     def close(self) -> None:
-        """Note that it was asked to."""
+        """Mark this stream as closed, and leave the other open."""
         self.closed = True
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 
-def _tell(who: str, changes: list[str]) -> None:
+def _warn(owner: str, changes: list[str]) -> None:
     for change in changes:
-        warnings.warn(f"{who} changed {change}: set back, as it would change other parts' results", PcsrWarning, 4)
+        warnings.warn(f"{owner} changed {change}: restored, as it would change other parts' results", PcsrWarning, 4)

@@ -1,4 +1,4 @@
-"""The one hook of pcsr. A plugin is a module with a function of this name, marked `@pcsr.hookimpl`."""
+"""Hook specification of pcsr. A plugin is a module with a function `pcsr_register`, marked `@pcsr.hookimpl`."""
 
 from typing import TYPE_CHECKING
 
@@ -13,10 +13,9 @@ hookimpl = pluggy.HookimplMarker("pcsr")
 
 @hookspec
 def pcsr_register(register: "Register") -> None:
-    """Register parts, a line each: ``register.fusion("cross-attention", CrossAttention)``.
+    """Register the parts of a plugin, for example ``register.fusion("cross-attention", CrossAttention)``.
 
-    A part may be given as its class, or as text ``"package.module:Class"``, which is imported only when a
-    recipe asks for the part.
+    A part is given as its class, or as text ``"package.module:Class"``, which is imported when the part is first used.
 
     Examples:
         >>> @pcsr.hookimpl

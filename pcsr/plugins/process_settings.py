@@ -1,6 +1,6 @@
-"""Settings that all code of a process shares: those of torch, numpy, warnings, signals, the environment.
+"""Settings that all code of a process shares: of torch, numpy, warnings, signals and the environment.
 
-Torch and numpy are looked at only where they are loaded: help pages load neither.
+Settings of torch and numpy are read only if the module is loaded, since help pages load neither.
 """
 
 import os
@@ -16,20 +16,20 @@ from typing import Any
 from pcsr.errors import PcsrWarning
 
 THREADS = ("OMP_NUM_THREADS", "OMP_WAIT_POLICY", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-"""Variables of the environment by which libraries choose their number of threads."""
+"""Environment variables by which libraries choose their number of threads."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One thing that all code of a process shares."""
+    """Setting that all code of a process shares, with the functions that read and write it."""
 
     name: str
     read: Callable[[], Any]
     write: Callable[[Any], object]
     module: str = ""
-    """Which must be loaded for the setting to be there."""
-    fresh: Any = None
-    """The value right after the module is loaded; None: not known."""
+    """Module that the setting belongs to; empty: it exists in every process."""
+    initial: Any = None
+    """Value right after the module is loaded. None: unknown."""
 
 
 def _torch() -> Any:
@@ -47,7 +47,7 @@ def _handlers() -> dict[int, Any]:
 def _set_handlers(handlers: dict[int, Any]) -> None:
     if threading.current_thread() is threading.main_thread():
         for number, handler in handlers.items():
-            if handler is not None:  # of a handler that was not set from Python
+            if handler is not None:  # None: the handler was not set from Python
                 signal.signal(number, handler)
 
 
@@ -60,14 +60,14 @@ def _set_variables(values: dict[str, str | None]) -> None:
 
 
 def _hidden_warnings() -> list[Any]:
-    """The filters by which pcsr's own warnings would be hidden, or become errors."""
-    of_all = [one for one in warnings.filters if one[1] is None and one[3] is None]
-    return [one for one in of_all if one[0] in ("ignore", "error") and issubclass(PcsrWarning, one[2])]
+    """List the warning filters that hide pcsr's own warnings or turn them into errors."""
+    general = [one for one in warnings.filters if one[1] is None and one[3] is None]
+    return [one for one in general if one[0] in ("ignore", "error") and issubclass(PcsrWarning, one[2])]
 
 
 def _set_hidden_warnings(before: list[Any]) -> None:
     for one in [one for one in _hidden_warnings() if one not in before]:
-        warnings.filters.remove(one)  # type: ignore[attr-defined] # it is a list, by the documentation too
+        warnings.filters.remove(one)  # type: ignore[attr-defined] # documented as a list
 
 
 def _folder() -> str:
@@ -79,14 +79,14 @@ def _folder() -> str:
 SETTINGS = (
     Setting("the working directory", _folder, lambda folder: os.chdir(folder or ".")),
     Setting(
-        "variables of the environment for threads",
+        "the environment variables of threads",
         lambda: {name: os.environ.get(name) for name in THREADS},
         _set_variables,
     ),
-    Setting("handlers of signals", _handlers, _set_handlers),
-    Setting("filters of warnings", _hidden_warnings, _set_hidden_warnings),
+    Setting("signal handlers", _handlers, _set_handlers),
+    Setting("warning filters", _hidden_warnings, _set_hidden_warnings),
     Setting(
-        "numpy's handling of errors",
+        "numpy's error handling",
         lambda: _numpy().geterr(),
         lambda state: _numpy().seterr(**state),
         "numpy",
@@ -119,14 +119,14 @@ SETTINGS = (
         "torch",
     ),
     Setting(
-        "torch's gradients",
+        "whether torch computes gradients",
         lambda: _torch().is_grad_enabled(),
         lambda on: _torch().set_grad_enabled(on),
         "torch",
         True,
     ),
     Setting(
-        "torch's deterministic algorithms",
+        "whether torch uses deterministic algorithms",
         lambda: _torch().are_deterministic_algorithms_enabled(),
         lambda on: _torch().use_deterministic_algorithms(on),
         "torch",
@@ -143,20 +143,21 @@ SETTINGS = (
 
 
 def current() -> dict[str, Any]:
-    """The value of each setting by its name, as `set_back` takes them."""
+    """Return the value of each setting by its name."""
     return {
-        setting.name: setting.read() if setting.module in ("", *sys.modules) else setting.fresh for setting in SETTINGS
+        setting.name: setting.read() if setting.module in ("", *sys.modules) else setting.initial
+        for setting in SETTINGS
     }
 
 
-def set_back(before: dict[str, Any]) -> list[str]:
-    """Set back what is no longer as it was.
+def restore(before: dict[str, Any]) -> list[str]:
+    """Restore all settings that have changed.
 
     Args:
-        before: what `current` gave.
+        before: values to restore, from `current`.
 
     Returns:
-        What was set back, in words: "torch's default dtype to torch.float64".
+        Descriptions of the changes that were undone: "torch's default dtype to torch.float64".
     """
     found = []
     for setting in SETTINGS:

@@ -1,4 +1,4 @@
-"""The registry: an object that knows each part by its kind and name, and who brought it."""
+"""Registry of parts by kind and name, with the plugin that registered each."""
 
 import functools
 import importlib
@@ -23,49 +23,52 @@ KINDS = {
     "touch": "TouchSource",
     "shapes": "ShapeSource",
 }
-"""Each kind of part and the name of its class in pcsr.contracts (which imports torch; this file does not)."""
-OURS = "pcsr"
-"""The distribution whose parts everybody has."""
+"""Kinds of parts, each with the name of its class in `pcsr.contracts`; that module imports torch, this one does not."""
+FIRST_PARTY = "pcsr"
+"""Distribution that contains pcsr's own parts."""
 FILE = "file"
-"""The version of a part that came from a file, not from an installed distribution."""
+"""Version of a part that a plugin file registers."""
 
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}"
-"""Of a part: it stands in recipes, on command lines and in the names of run folders."""
+"""Pattern of a part's name, which is used in recipes, on command lines and in the names of run folders."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One registered part: `target` is its class, or text ``"module:Class"`` that is imported when asked for."""
+    """Registered part."""
 
     kind: str
     name: str
     target: type | str
+    """The part's class, or text ``"module:Class"``, which `load` imports."""
     owner: str
+    """Name of the distribution, or path of the plugin file, that registered the part."""
     version: str
+    """Version of the distribution, or `FILE`."""
 
     @property
     def brought_by(self) -> str:
-        """The distribution, or the name of the plugin file without the folders that it lies in."""
+        """Name of the distribution, or of the plugin file without its folder."""
         return Path(self.owner).name if self.version == FILE else self.owner
 
     @functools.cached_property
     def code(self) -> str | None:
-        """What tells the part's code from other code of the same name.
+        """Identifier of the part's code, which changes with it.
 
-        A hash of the plugin's files; of a part of pcsr "version 2", say. None of such a part at version 1, and where
-        the files are not known.
+        For third-party parts, a hash of the plugin's files, or None if the files are not found. For pcsr's own parts,
+        their version, such as "version 2", or None for version 1.
         """
-        if self.owner == OURS:
+        if self.owner == FIRST_PARTY:
             version = self.load().version  # type: ignore[attr-defined]  # every kind of part has one
             return f"version {version}" if version > 1 else None
         return file_code(Path(self.owner)) if self.version == FILE else distribution_code(self.owner)
 
     def load(self) -> type:
-        """The part's class.
+        """Return the part's class, and import it if needed.
 
         Raises:
-            UserError: it cannot be imported, or is not a part of this kind.
+            UserError: the class cannot be imported, or is not a part of this kind.
         """
         part = self.target
         if isinstance(part, str):
@@ -89,61 +92,63 @@ class Entry:
 
 
 def described(error: BaseException) -> str:
-    """An error of a plugin in one line, whatever its text is."""
+    """Describe an error of a plugin in one line."""
     try:
         text = " ".join(str(error).split())
-    except Exception:  # the author's `__str__`
+    except Exception:  # the error's own `__str__` failed
         text = ""
     return f"{type(error).__name__}: {shortened(text, 500)}" if text else type(error).__name__
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A plugin that could not be loaded. It stops nobody else; its error is kept to be shown and raised."""
+    """Plugin that failed to load, with its error."""
 
     owner: str
     version: str
     error: BaseException
 
     @property
-    def said(self) -> str:
+    def message(self) -> str:
         """The error in one line."""
         return described(self.error)
 
 
 @dataclass
 class Registry:
-    """All parts of one process. Made by `pcsr.plugins.loading.load_plugins`, handed to whoever needs parts."""
+    """Parts of all plugins, as `pcsr.plugins.loading.load_plugins` returns them."""
 
     entries: dict[tuple[str, str], Entry] = field(default_factory=dict)
+    """Registered parts by kind and name."""
     failures: list[Failure] = field(default_factory=list)
+    """Plugins that failed to load."""
     files: tuple[Path, ...] = ()
-    """Plugin files that were loaded: another process has to load them too."""
+    """Plugin files that were loaded, and that worker processes must load too."""
     files_win: bool = False
-    """Whether a part of a file takes the place of an installed one of the same name, which is else a mistake."""
+    """Whether a part of a file replaces an installed part of the same name. Otherwise that is an error."""
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(sorted(self.entries.values(), key=lambda e: (list(KINDS).index(e.kind), e.name)))
 
     def names(self, kind: str) -> list[str]:
-        """The names of all parts of a kind, sorted."""
+        """Return the names of all parts of a kind, sorted."""
         return sorted(name for k, name in self.entries if k == kind)
 
     def add(self, entry: Entry) -> None:
-        """Add a part; one of a file takes the place of an installed one where `files_win`.
+        """Add a part.
 
         Raises:
-            UserError: the kind is unknown, the name is none or taken, or there is no class; the owner is named.
+            UserError: the kind is unknown, the name is invalid or taken, or the target is neither a class nor text.
         """
         if not (isinstance(entry.name, str) and re.fullmatch(NAME, entry.name)):
             raise UserError(
-                f"{shown(entry.name)} is no name for the {entry.kind} of {entry.owner}: take up to 100 letters, "
-                f"digits, '.', '_' and '-', the first a letter or a digit"
+                f"{shown(entry.name)} is no valid name for a part ({entry.kind} of {entry.owner}): use 1 to 100 "
+                f"letters, digits, '.', '_' and '-', and begin with a letter or digit"
             )
         if not isinstance(entry.target, type | str):
             raise UserError(
-                f"{entry.kind} '{entry.name}' of {entry.owner} is {shown(entry.target)}: register its class, or text "
-                f"'module:Class' that says where it is"
+                f"{entry.kind} '{entry.name}' of {entry.owner} is {shown(entry.target)}: register its class, or the "
+                f"text 'module:Class'"
             )
         if entry.kind not in KINDS:
             raise UserError(f"'{entry.kind}' is not a kind of part: {did_you_mean(entry.kind, KINDS)}")
@@ -162,10 +167,10 @@ class Registry:
         self.entries[entry.kind, entry.name] = entry
 
     def get(self, kind: str, name: str) -> type[Any]:
-        """The class of a part.
+        """Return the class of a part.
 
         Raises:
-            UserError: no such part; the message offers the closest name and lists plugins that failed.
+            UserError: there is no such part. The message suggests the closest name, and lists plugins that failed.
         """
         entry = self.entries.get((kind, name))
         if entry is None:
@@ -178,7 +183,7 @@ class Registry:
 
 @dataclass(frozen=True)
 class Register:
-    """What a plugin's hook is given: one method for each kind of part.
+    """Argument of a plugin's hook, with one method for each kind of part.
 
     Examples:
         >>> @pcsr.hookimpl
@@ -224,5 +229,5 @@ class Register:
         self._add("touch", name, part)
 
     def shapes(self, name: str, part: type | str) -> None:
-        """Register a source of shapes."""
+        """Register a shape source."""
         self._add("shapes", name, part)

@@ -1,4 +1,4 @@
-"""Names of pcsr 0.1 and what they are called now: for messages, since a plugin that uses an old one cannot work."""
+"""Names of pcsr 0.1 with their new names, for the error messages of plugins that still use the old ones."""
 
 import ast
 import inspect
@@ -14,23 +14,23 @@ PARTS = {
     ("backbone", "frames"): "local-frames",
     ("upsampler", "fan"): "edge-offsets",
 }
-"""Parts by kind and old name. No other part may take these names: recipes and weights of 0.1 mean the renamed one."""
+"""Renamed parts: kind and old name to new name. The old names stay reserved: recipes and weights of 0.1 use them."""
 PUBLIC = {
     "Item": "ShapeItem",
     "Shapes": "ShapeSource",
     "Touches": "TouchBatch",
     "Upsampling": "UpsamplingNetwork",
 }
-"""Public names of the package `pcsr`."""
+"""Renamed public names of the package `pcsr`."""
 MEMBERS = {
     "Trait.POINT_ORDER_FREE": "Trait.PERMUTATION_EQUIVARIANT",
     "Trait.TOUCH_ORDER_FREE": "Trait.TOUCH_PERMUTATION_INVARIANT",
     "Touch.of_one_finger": "Touch.single",
     "Touch.of_fingers": "Touch.grasp",
 }
-"""Members of public classes, used as `Class.member`."""
+"""Renamed members of public classes, as they are written in code: `Class.member`."""
 METHODS = {"thinned": "Touch.resampled"}
-"""Methods of instances."""
+"""Renamed methods, which are found by their name alone."""
 ATTRIBUTES = {
     "places": "path_options",
     "hears_features": "uses_touch_features",
@@ -38,16 +38,16 @@ ATTRIBUTES = {
     "at_once": "max_rate_per_pass",
     "pace": "lr_multiplier",
 }
-"""What a class of a part sets in its body."""
+"""Renamed class attributes of parts."""
 SIGNATURES: dict[str, str] = {}
-"""Methods of parts that took a parameter `mask`, which is now a field of `touches`, a `TouchBatch`."""
+"""Methods of parts that had a parameter `mask`, which is now a field of `touches`, with their new signatures."""
 
 
 def check_class(part: type) -> None:
-    """Refuse a class of a part that was written for 0.1: what it sets or overrides would be ignored in silence.
+    """Check that a part's class uses no names of pcsr 0.1, which would be ignored silently.
 
     Raises:
-        UserError: it sets an old attribute, or overrides a method with its old parameters.
+        UserError: the class sets a renamed attribute, or overrides a method with its old parameters.
     """
     own = vars(part)
     found = [_changed(old, new) for old, new in ATTRIBUTES.items() if old in own and not callable(own[old])]
@@ -60,7 +60,7 @@ def check_class(part: type) -> None:
 
 
 def old_names(files: Iterable[Path]) -> str:
-    """The old names in Python files, each with its new one, in a clause; empty if there are none."""
+    """Describe the names of pcsr 0.1 that Python files use, with their new names; empty text if they use none."""
     found: dict[str, None] = {}
     for file in files:
         try:

@@ -1,4 +1,4 @@
-"""Recipes: plain YAML that says which parts make a network, on which data, and how it is trained."""
+"""Recipes: YAML files that name the parts of a network, its data and its training."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -30,24 +30,27 @@ __all__ = [
     "load",
 ]
 
-MOST_STUDIED = 5
-"""Touches of each object in the paper's data set (Fig. 4, Table 1)."""
+PAPER_TOUCHES = 5
+"""Number of touches for each object in the paper's data set (Fig. 4, Table 1)."""
 
 
 def load(
     path: Path, registry: Registry, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None
 ) -> list[Recipe]:
-    """Read and check a recipe; one recipe for each row of its matrix, and for each recipe that it names.
+    """Read and check a recipe file.
 
     Args:
-        path: the recipe's file.
-        registry: the parts that it may name.
-        overrides: each `dotted.key=value`, the value in YAML.
-        axes: dotted keys with values to vary, as in a matrix.
+        path: recipe file.
+        registry: parts that the recipe may name.
+        overrides: changes of the form `dotted.key=value`, with the value in YAML.
+        axes: dotted keys with the values to vary, as in a matrix.
+
+    Returns:
+        One recipe for each run: for each row of the matrix, and for each recipe that a study names.
 
     Raises:
-        RecipeError: every mistake in it, with file, line and column.
-        UserError: a file that can't be read.
+        RecipeError: the recipe has mistakes; it holds all of them, each with file, line and column.
+        UserError: a file cannot be read.
     """
     recipes = []
     mistakes: set[Mistake] = set()
@@ -56,7 +59,7 @@ def load(
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
             mistakes.update(error.mistakes)
-            if len(mistakes) > MOST_TOLD:  # a mistake of the file is found in each run of its matrix
+            if len(mistakes) > MOST_TOLD:  # further runs of a matrix mostly repeat the same mistakes
                 break
     if mistakes:
         raise RecipeError(mistakes)
@@ -66,20 +69,20 @@ def load(
 def for_data(
     shapes: str, options: dict[str, Any], registry: Registry, overrides: Sequence[str] = (), part: str | None = None
 ) -> Recipe:
-    """A recipe for its data alone.
+    """Return a recipe with defaults, of which only the section `data` is of use.
 
     Args:
-        shapes: the part that gives the objects.
-        options: of that part.
-        registry: the parts that it may name.
-        overrides: each `key=value`. A key of a recipe's section `data` is meant; any other is an option of the
-            shapes: `points=256`, `touch.object_size=30`, `count=40`.
-        part: "touch", say: the overrides are options of that part alone.
+        shapes: name of the shape source.
+        options: options of the shape source.
+        registry: parts that the recipe may name.
+        overrides: changes of the form `key=value`. The key is one of the section `data`, such as `points=256` or
+            `touch.object_size=30`, or else an option of the shape source, such as `count=40`.
+        part: key of a part in the section `data`, such as "touch", whose options all overrides are.
 
     Raises:
-        RecipeError: every mistake in it.
+        RecipeError: the recipe has mistakes; it holds all of them.
     """
-    data = {"shapes": {"use": shapes, **options}, "touches": MOST_STUDIED}
+    data = {"shapes": {"use": shapes, **options}, "touches": PAPER_TOUCHES}
     source = Source({"name": "data", "data": data}, {(): Place(f"shapes {shapes}")})
     for override in overrides:
         key = override.partition("=")[0].partition(".")[0]
@@ -94,15 +97,15 @@ def from_resolved(
     origin: str = "recipe in the weights",
     parts: Collection[Keys] = PARTS.keys(),
 ) -> Recipe:
-    """A recipe from what `Recipe.resolved` gave.
+    """Check a resolved recipe.
 
     Args:
-        data: what it gave.
-        registry: gives the parts.
-        origin: names it in messages.
-        parts: the places whose parts are checked and must be here; all by default, `DATA` to build data.
+        data: result of `Recipe.resolved`.
+        registry: installed parts.
+        origin: name of the recipe's source in messages.
+        parts: keys of the parts that are checked and must be installed. All by default; `DATA` to build data.
 
     Raises:
-        RecipeError: it names parts or options that this installation doesn't have.
+        RecipeError: the recipe names parts or options that this installation does not have.
     """
     return check(Source(data, {(): Place(origin)}), registry, parts)

@@ -1,4 +1,4 @@
-"""Checking a recipe: every mistake at once, each with its place and the fix."""
+"""Validation of recipes, which reports all mistakes at once, each with its location in the file and a remedy."""
 
 import copy
 import json
@@ -12,25 +12,25 @@ from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import MODEL, PARTS
-from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
+from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patches, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 from pcsr.validation_messages import explained, shown
 
 Locate = Callable[[Keys, bool], Place]
-"""Where a value stands, or the key of one."""
+"""Function from the keys of a value to its location in the file or, if the flag is true, to that of its last key."""
 
 
 def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.keys()) -> Recipe:
-    """The recipe that a source describes.
+    """Validate the data of a recipe.
 
     Args:
-        source: what is written.
-        registry: gives the parts that are checked.
-        parts: the places of these, of `PARTS`. Elsewhere a part is plain data: it need not be installed, and its
-            options stay as they are written.
+        source: data of the recipe, with the locations of its values.
+        registry: installed parts.
+        parts: keys of `PARTS` whose parts are checked. A part at another key need not be installed, and keeps its
+            options unchecked.
 
     Raises:
-        RecipeError: it has mistakes; all of them.
+        RecipeError: the recipe has mistakes; it holds all of them.
     """
     source = source.copy()
     modernize(source)
@@ -51,7 +51,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
         mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.place(keys, of_name=name))
-    # What could not be read is no value: that it has the wrong type too is no second mistake.
+    # One mistake for each location: a value that could not be read has the wrong type too.
     unread = {mistake.place for mistake in source.mistakes}
     mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.place not in unread)]
     if recipe is not None and not mistakes:
@@ -62,18 +62,18 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
 
 
 def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Recipe:
-    """The recipe in the card of weights, as far as inference needs it.
+    """Validate the recipe in the card of weights, as far as inference needs it.
 
-    The parts of the network are checked and must be here. Those of the data and the training are plain data; a section
-    `evaluate` that this version cannot read is left out.
+    The parts of the network are checked and must be installed. Those of the data and the training are not checked. A
+    section `evaluate` that this version cannot read is dropped.
 
     Args:
-        written: what `Recipe.resolved` gave when the weights were made.
-        registry: gives the parts.
-        origin: names it in messages.
+        written: result of `Recipe.resolved` from the time when the weights were written.
+        registry: installed parts.
+        origin: name of the recipe's source in messages.
 
     Raises:
-        RecipeError: it has mistakes, or names parts or options of the network that are not here.
+        RecipeError: the recipe has mistakes, or names parts or options of the network that are not installed.
     """
     source = Source(copy.deepcopy(written), {(): Place(origin)})
     modernize(source)
@@ -93,7 +93,7 @@ def _with_defaults(source: Source) -> dict[str, Any]:
 def _part(
     source: Source, registry: Registry, keys: Keys, kind: str, written: Any, mistakes: list[Mistake]
 ) -> dict[str, Any]:
-    """A part's spec with all its options; what is wrong with it goes into `mistakes`."""
+    """Return the specification of a part with all its options; add its mistakes to `mistakes`."""
     blank = {"use": "", "options": {}}
     if not _is_part(written):
         example = next(iter(registry.names(kind)), "name")
@@ -106,8 +106,8 @@ def _part(
     except UserError as error:
         mistakes.append(Mistake(source.place((*keys, "use")), str(error)))
         return blank
-    except Exception as error:  # a constructor whose types can't be read is its author's mistake, not ours
-        text = f"the options of {kind} '{name}' cannot be read off its constructor: {error}"
+    except Exception as error:  # a part's constructor may have annotations that cannot be evaluated
+        text = f"the options of {kind} '{name}' cannot be read from its constructor: {error}"
         mistakes.append(Mistake(source.place((*keys, "use")), text))
         return blank
     options = _options(written)
@@ -124,7 +124,7 @@ def _part(
 
 
 def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> dict[str, str]:
-    """The code of the parts: of those that are checked as it is here, of others what is written."""
+    """Return the identifiers of the parts' code: the present one of checked parts, the recorded one of others."""
     written = data.get("code")
     code: dict[str, str] = {}
     for keys, kind in PARTS.items():
@@ -152,41 +152,41 @@ def _options(written: dict[str, Any]) -> dict[str, Any]:
 def _mistakes(
     error: ValidationError, data: Any, model: type[BaseModel], head: tuple[str, ...], locate: Locate
 ) -> list[Mistake]:
-    """Pydantic's errors in our words, one for each place: the branches of a union are one mistake."""
+    """Convert pydantic's errors to mistakes, one for each value: errors of a union's branches are merged."""
     by_keys: dict[Keys, list[Any]] = {}
     for one in error.errors():
         missing = one["type"] in ("missing", "extra_forbidden")
         keys = one["loc"] if missing else _existing(one["loc"], data)
         by_keys.setdefault(keys, []).append(one)
-    # A branch that was entered says more than the one beside it that wanted something else altogether.
-    entered = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
-    return [_mistake(keys, ones, model, head, locate) for keys, ones in by_keys.items() if keys not in entered]
+    # An error within a value says more than one of the whole value, which is of another branch of the union.
+    outer = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
+    return [_mistake(keys, errors, model, head, locate) for keys, errors in by_keys.items() if keys not in outer]
 
 
-def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
-    kind = ones[0]["type"]
+def _mistake(keys: Keys, errors: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
+    kind = errors[0]["type"]
     path = ".".join((*head, *map(_key, keys)))
     if kind == "extra_forbidden":
         owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
         if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
-            return Mistake(locate(keys, True), f"'{keys[-1]}' is read before this: write it at the top of the file")
+            return Mistake(locate(keys, True), f"'{keys[-1]}' is a key of the file: write it at the top level")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
         return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":
         return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
     if kind == "model_type":
-        got = shown(ones[0]["input"])
+        got = shown(errors[0]["input"])
         return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {got}")
-    return Mistake(locate(keys, False), f"{path}: {explained(ones)}")
+    return Mistake(locate(keys, False), f"{path}: {explained(errors)}")
 
 
 def _key(key: int | str) -> str:
-    """A key in a message, shortened where it is long."""
+    """Return a key for a message, shortened if it is long."""
     return shown(key)[1:-1] if isinstance(key, str) else str(key)
 
 
 def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:
-    """Pydantic's location without the branches of unions, which are no keys of the data."""
+    """Return pydantic's location of an error without the names of union branches, which are not keys of the data."""
     keys: list[int | str] = []
     for key in loc:
         try:
@@ -208,30 +208,30 @@ def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
 
 
 def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[Mistake]:
-    """Values that are right one by one, but not together."""
+    """List the values that are valid by themselves but contradict each other."""
     found = []
     low, high = recipe.touch_range
     if low > high:
-        text = f"train.touches: the least, {low}, is more than the most, {high}: swap them"
+        text = f"train.touches: the minimum, {low}, is more than the maximum, {high}: swap them"
         found.append(Mistake(source.place(("train", "touches")), text))
     for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "baselines")):
         names = getattr(getattr(recipe, section), key)
         for index, name in enumerate(names):
             if name in names[:index]:
-                text = f"{section}.{key}: '{name}' is there already: remove one of the two"
+                text = f"{section}.{key}: '{name}' is listed twice: remove one of the two"
                 found.append(Mistake(source.place((section, key, index)), text))
     found += _too_large(source, recipe)
     if recipe.patches:
-        found += _of_patches(source, recipe)
+        found += _patch_mistakes(source, recipe, recipe.patches)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
-        text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
+        text = f"fusion '{fusion}' uses no touch features, so a touch_encoder has no effect: remove it"
         found.append(Mistake(source.place(("model", "touch_encoder")), text))
     return found
 
 
 def _too_large(source: Source, recipe: Recipe) -> list[Mistake]:
-    """Sizes of the data that have a limit together."""
+    """List the sizes of the data whose product exceeds a limit."""
     data, view, found = recipe.data, recipe.data.view, []
     truth, rays = data.points * data.rate, view.cameras * view.pixels**2
     if truth > MOST_TRUTH:
@@ -239,17 +239,16 @@ def _too_large(source: Source, recipe: Recipe) -> list[Mistake]:
         found.append(Mistake(source.place(("data", "points")), text))
     if rays > MOST_RAYS:
         text = (
-            f"data.view: {view.cameras} cameras of {view.pixels} × {view.pixels} pixels are {rays} lines of sight, "
+            f"data.view: {view.cameras} cameras of {view.pixels} × {view.pixels} pixels are {rays} rays, "
             f"more than {MOST_RAYS}: lower cameras or pixels"
         )
         found.append(Mistake(source.place(("data", "view")), text))
     return found
 
 
-def _of_patches(source: Source, recipe: Recipe) -> list[Mistake]:
-    patches, data = recipe.patches, recipe.data
-    if patches is None:
-        return []
+def _patch_mistakes(source: Source, recipe: Recipe, patches: Patches) -> list[Mistake]:
+    """List the mistakes in the section `patches`, which depend on the sizes of the data."""
+    data = recipe.data
     found = []
     reached = patches.rate
     while reached < data.rate:
@@ -257,13 +256,13 @@ def _of_patches(source: Source, recipe: Recipe) -> list[Mistake]:
     if reached != data.rate:
         text = (
             f"patches.rate is {patches.rate}, and no power of it is data.rate, {data.rate}: "
-            f"applied again and again, the network never makes so many points"
+            f"repeated passes of the network cannot reach that rate"
         )
         found.append(Mistake(source.place(("patches", "rate")), text))
     if patches.points * patches.rate > data.points * data.rate:
         text = (
-            f"patches.points: a patch of {patches.points} points has {patches.points * patches.rate} of the truth's, "
-            f"which are only {data.points * data.rate}: make it smaller"
+            f"patches.points: a patch of {patches.points} points covers {patches.points * patches.rate} points of the "
+            f"truth, which has only {data.points * data.rate}: lower it"
         )
         found.append(Mistake(source.place(("patches", "points")), text))
     return found

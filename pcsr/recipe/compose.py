@@ -1,4 +1,4 @@
-"""From files and options to the data of each run: `extends`, `recipes`, `--set`, `matrix`."""
+"""Composition of the runs that a recipe file describes: `extends`, `recipes`, `--set` and `matrix`."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,22 +12,27 @@ from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Sourc
 from pcsr.validation_messages import shortened, shown, shown_path
 
 MOST_RUNS = 1_000
-"""Runs that one command composes: rows of a matrix, recipes of a study, and both together."""
+"""Greatest number of runs of one command, over all rows of a matrix and recipes of a study."""
 MOST_PARENTS = 32
-"""Files that extend each other in a row."""
-LONGEST_PLACE = 200
-"""Characters of an option that stand in front of what is wrong with it."""
+"""Greatest length of a chain of files that extend each other."""
+LONGEST_OPTION = 200
+"""Greatest length, in characters, at which a message quotes an option."""
 
 
 def compose(
     path: Path, overrides: Sequence[str] = (), axes: Mapping[str, Sequence[Any]] | None = None
 ) -> Iterator[Source]:
-    """Every run that a recipe file describes; one, unless it compares recipes or has a matrix.
+    """Yield the data of each run that a recipe file describes: one, unless it names recipes or has a matrix.
+
+    Args:
+        path: recipe file.
+        overrides: changes of the form `dotted.key=value`, with the value in YAML.
+        axes: dotted keys with the values to vary, as in a matrix.
 
     Raises:
-        RecipeError: a file that is not YAML, or extends or compares what it can't, or describes more than `MOST_RUNS`
-            runs. Other mistakes go into the sources.
-        UserError: a file that can't be read.
+        RecipeError: a file is not YAML, its `extends` or `recipes` is wrong, or there are more than `MOST_RUNS` runs.
+            Other mistakes are added to the sources.
+        UserError: a file cannot be read.
     """
     if len(overrides) > MOST_RUNS:
         raise UserError(f"--set is given {len(overrides)} times, and at most {MOST_RUNS} are read: use a recipe file")
@@ -39,25 +44,28 @@ def compose(
             add_axis(source, axis, values)
         runs += count_runs(source)
         if runs > MOST_RUNS:
-            text = f"that makes {shown(runs)} runs or more, and one command takes at most {MOST_RUNS}: split the study"
+            text = f"it has {shown(runs)} runs or more, and one command takes at most {MOST_RUNS}: split the study"
             raise RecipeError([Mistake(source.place(("matrix",)), text)])
         yield from expand(source)
 
 
 def compared(path: Path, study: Source) -> Iterator[Source]:
-    """The recipes that a study names, each with the rest of the study laid over it; or the one recipe that it is.
+    """Yield the recipes that a study names, each overridden by the rest of the study; or the recipe itself.
 
     Args:
-        path: the study's file, to which the files that it names are relative.
-        study: what it says.
+        path: file of the study; the recipes that it names are relative to it.
+        study: data of the study, or of a single recipe.
+
+    Raises:
+        RecipeError: `recipes` is not a list of recipe files.
     """
     if "recipes" not in study.data:
         yield study
         return
     rows = study.data.pop("recipes")
-    path = Path(study.values[("recipes",)].origin)  # of a study that extends another, the file that says so
+    path = Path(study.values[("recipes",)].origin)  # the key may stand in a parent of the study, in another folder
     if not (isinstance(rows, list) and rows):
-        text = "recipes names recipe files in a list: `recipes: [tapsr.yaml, pu-gan.yaml]`"
+        text = "recipes must be a list of recipe files: `recipes: [tapsr.yaml, pu-gan.yaml]`"
         raise RecipeError([Mistake(study.values[("recipes",)], text)])
     if len(rows) > MOST_RUNS:
         text = f"recipes names {len(rows)} recipes, and one command takes at most {MOST_RUNS}: split the study"
@@ -69,53 +77,54 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
             text = "a recipe to compare is a file, or `{use: file, dotted.key: value}`"
             raise RecipeError([Mistake(study.place(item), text)])
         target = path.parent / changes["use"]
-        if not os.path.isfile(target):  # a name that no file can have is no error to this one
+        if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
             text = f"there is no recipe {shown_path(target)}: it is relative to this file"
             raise RecipeError([Mistake(study.place(item), text)])
         single = _with_parents(target, ())
         if "recipes" in single.data:
-            text = f"{target} is a study itself, and a study names recipes: name those of it"
+            text = f"{target} is a study itself: name its recipes instead"
             raise RecipeError([Mistake(study.place(item), text)])
         name = changes.get("name", single.data.get("name"))
-        made = merge(single, study)
+        merged = merge(single, study)
         for dotted, value in changes.items():
             if dotted != "use":
-                assign_dotted(made, dotted, value, study.place((*item, dotted)))
+                assign_dotted(merged, dotted, value, study.place((*item, dotted)))
         if isinstance(name, str) and isinstance(study.data.get("name"), str):
-            made.data["name"] = f"{study.data['name']}-{name}"
-        yield made
+            merged.data["name"] = f"{study.data['name']}-{name}"
+        yield merged
 
 
 def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
+    """Read a recipe file and merge it with those that it extends; `children` are the files that extend it."""
     source = normalize(read(path))
     if "extends" not in source.data:
         return source
     parent = source.data.pop("extends")
     place = source.values[("extends",)]
     if not isinstance(parent, str):
-        raise RecipeError([Mistake(place, f"extends names one recipe file, got {shown(parent)}")])
+        raise RecipeError([Mistake(place, f"extends must be one recipe file, got {shown(parent)}")])
     target = path.parent / parent
-    line = (*children, path.resolve())
-    if not os.path.isfile(target):  # a name that no file can have is no error to this one
+    chain = (*children, path.resolve())
+    if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
         text = f"there is no recipe {shown_path(target)}: extends is relative to this file"
         raise RecipeError([Mistake(place, text)])
-    if target.resolve() in line:
+    if target.resolve() in chain:
         raise RecipeError([Mistake(place, f"'{parent}' extends this recipe in turn: break the circle")])
-    if len(line) > MOST_PARENTS:
-        text = f"more than {MOST_PARENTS} recipes extend each other in a row: extend one that stands further up"
+    if len(chain) > MOST_PARENTS:
+        text = f"more than {MOST_PARENTS} recipes extend each other in a chain: shorten it"
         raise RecipeError([Mistake(place, text)])
-    return merge(_with_parents(target, line), source)
+    return merge(_with_parents(target, chain), source)
 
 
 def override_key(source: Source, override: str, written: str | None = None) -> None:
-    """Apply `dotted.key=value`. It wins over a matrix, which no longer varies that key.
+    """Apply `dotted.key=value` to a recipe. A matrix no longer varies this key.
 
     Args:
-        source: what to change; mistakes go into it.
-        override: what to apply.
-        written: what a person wrote for it, if that was something else.
+        source: recipe to change; mistakes are added to it.
+        override: the change, with the value in YAML.
+        written: the option as the user wrote it, for messages; `override` by default.
     """
-    place = Place(f"--set {shortened(written or override, LONGEST_PLACE)}")
+    place = Place(f"--set {shortened(written or override, LONGEST_OPTION)}")
     dotted, equals, text = override.partition("=")
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")
@@ -125,10 +134,10 @@ def override_key(source: Source, override: str, written: str | None = None) -> N
         remedy = "write --set dotted.key=value, for example --set train.epochs=5"
         source.mistakes.append(Mistake(place, remedy))
     elif len(keys) > DEEPEST:
-        text = f"it has {len(keys)} keys in each other, and no recipe more than {DEEPEST}"
+        text = f"it nests {len(keys)} keys, and a recipe at most {DEEPEST}: shorten it"
         source.mistakes.append(Mistake(place, text))
     elif keys[0] == "extends":
-        source.mistakes.append(Mistake(place, "extends is read before --set: write it in the file"))
+        source.mistakes.append(Mistake(place, "extends cannot be set by an option: write it in the file"))
     elif together:
         remedy = f"the matrix varies {dotted} together with others: change matrix.{together[0]} in the file"
         source.mistakes.append(Mistake(place, remedy))

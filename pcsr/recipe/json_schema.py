@@ -1,4 +1,4 @@
-"""The JSON schema of recipes, from the parts that are installed: editors complete and check with it."""
+"""JSON schema of recipes with the options of all installed parts, for completion and checks in editors."""
 
 from typing import Any
 
@@ -8,9 +8,10 @@ from pcsr.recipe.schema import Recipe, options_model
 
 
 def json_schema(registry: Registry) -> dict[str, Any]:
-    """A schema for recipe files, which may leave to their parent whatever they like.
+    """Return the JSON schema of recipe files.
 
-    Parts that can't be loaded are left out.
+    No key is required, since a recipe may inherit it from the one that it extends. Parts that cannot be loaded are
+    omitted.
     """
     schema = Recipe.model_json_schema()
     definitions = schema["$defs"]
@@ -25,34 +26,34 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         optional = (section_name, key) == ("model", "touch_encoder")
         properties = definitions[str(section_name).capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
-    del schema["properties"]["code"]  # nobody writes it
+    del schema["properties"]["code"]  # never written by hand
     schema["properties"] |= {
         "weights": {
             "anyOf": [{"type": "string"}, {"$ref": "#/$defs/Weights"}, {"type": "null"}],
-            "description": "evaluated instead of training: shipped weights by name, or a file relative to this one",
+            "description": "weights to evaluate instead of training: a name, or a file relative to this one",
         },
-        "extends": {"type": "string", "description": "a recipe to start from, relative to this file"},
+        "extends": {"type": "string", "description": "recipe file to inherit from, relative to this file"},
         "recipes": {
             "type": "array",
-            "description": "recipes to compare, each with the rest of this file laid over it",
+            "description": "recipe files to compare; the other keys of this file override theirs",
         },
         "matrix": {
             "type": "object",
             "additionalProperties": {"type": "array"},
-            "description": "dotted keys to values",
+            "description": "dotted keys with lists of values; each combination is one run",
         },
     }
     return schema
 
 
 def _choices(registry: Registry, kind: str) -> list[dict[str, Any]]:
-    """The bare names, then each part with its options; they too may be left to the parent."""
+    """List the schemas of a part: its bare name, then for each part the mapping of its name and options."""
     forms: list[dict[str, Any]] = []
     for name in registry.names(kind):
         try:
             part = registry.get(kind, name)
             options = options_model(part).model_json_schema()
-        except Exception:  # not offered; `pcsr plugins` says why
+        except Exception:  # omitted; `pcsr plugins` reports the error
             continue
         forms.append(
             {
@@ -63,4 +64,4 @@ def _choices(registry: Registry, kind: str) -> list[dict[str, Any]]:
             }
         )
     names = [form["properties"]["use"]["const"] for form in forms]
-    return [{"enum": names, "description": f"the name of a part: {kind}"}, *forms]
+    return [{"enum": names, "description": f"name of a part of the kind {kind}"}, *forms]

@@ -1,4 +1,4 @@
-"""The matrix of a recipe: values that vary, and a run for each of their combinations."""
+"""Matrix of a recipe: keys with lists of values, of which each combination is one run."""
 
 import itertools
 import math
@@ -13,20 +13,25 @@ from pcsr.recipe.source import Keys, Mistake, Place, Source
 from pcsr.validation_messages import shown
 
 LONGEST_LABEL = 60
-"""Characters that a value of a matrix adds to the name of its run."""
+"""Greatest number of characters that a value of the matrix adds to the name of its run."""
 
 
 def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
-    """Vary a value as a line of the matrix would; where the matrix does so already, instead of it.
+    """Add an axis to the matrix of a recipe, or replace the axis of this key.
 
-    A seed that is varied like that is the training's: the data keeps the one that it had.
+    If the axis is `seed`, it varies the training only: the data keeps its seed.
+
+    Args:
+        source: recipe to change.
+        axis: dotted key.
+        values: values of the key.
     """
     axis = modern_key(axis)
     data = source.data.get("data", {})
     if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
         assign(source, ("data", "seed"), source.data.get("seed", 0), Place("--seeds"))
     matrix = source.data.setdefault("matrix", {})
-    if isinstance(matrix, dict):  # anything else is a mistake that is told later
+    if isinstance(matrix, dict):  # `expand` reports any other type
         matrix[axis] = list(values)
         source.values.setdefault(("matrix",), source.values[()])
         for number, value in enumerate(values):
@@ -34,12 +39,12 @@ def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
 
 
 def varied(rows: Any) -> set[str]:
-    """The dotted keys that an axis varies together, in groups."""
+    """Return the dotted keys of an axis whose values are groups of keys that vary together."""
     return {key for row in rows if _is_group(row) for key in row} if isinstance(rows, list) else set()
 
 
 def count_runs(source: Source) -> int:
-    """How many runs the matrix of a source makes."""
+    """Return the number of runs of a matrix."""
     matrix = source.data.get("matrix")
     if not isinstance(matrix, dict):
         return 1
@@ -47,27 +52,27 @@ def count_runs(source: Source) -> int:
 
 
 def expand(source: Source) -> Iterator[Source]:
-    """A matrix to its product: each row one recipe, named after its values."""
+    """Yield a recipe for each combination of a matrix's values, named after them."""
     matrix = source.data.pop("matrix", None)
     if matrix is None:
         yield source
         return
-    wrong = _not_a_matrix(source, matrix)
-    if wrong:
-        source.mistakes += wrong
+    mistakes = _matrix_mistakes(source, matrix)
+    if mistakes:
+        source.mistakes += mistakes
         yield source
         return
     labels = [_labels(axis, values) for axis, values in matrix.items()]
     written, source = source, source.copy()
-    for places in (source.values, source.names):  # those of the matrix would be copied for each run
-        for keys in [keys for keys in places if keys[:1] == ("matrix",)]:
-            del places[keys]
+    for locations in (source.values, source.names):  # those of the matrix are not copied for each run
+        for keys in [keys for keys in locations if keys[:1] == ("matrix",)]:
+            del locations[keys]
     for row in itertools.product(*(range(len(values)) for values in matrix.values())):
         run = source.copy()
         for (axis, values), index in zip(matrix.items(), row, strict=True):
             _vary(run, written, axis, values[index], index)
         name = source.data.get("name")
-        if isinstance(name, str) and re.fullmatch(NAME, name):  # a bad one is reported as it is written
+        if isinstance(name, str) and re.fullmatch(NAME, name):  # an invalid name is reported as it is written
             run.data["name"] = "-".join([name, *(of[index] for of, index in zip(labels, row, strict=True))])
         yield run
 
@@ -82,27 +87,27 @@ def _vary(run: Source, written: Source, axis: str, value: Any, index: int) -> No
         assign_dotted(run, dotted, one, written.place(inner), written.names.get(inner))
 
 
-def _not_a_matrix(source: Source, matrix: Any) -> list[Mistake]:
+def _matrix_mistakes(source: Source, matrix: Any) -> list[Mistake]:
     text = "a matrix maps dotted keys to lists of values: `model.fusion: [none, concat]`"
     if not isinstance(matrix, dict):
         return [Mistake(source.place(("matrix",)), text)]
-    wrong = []
+    mistakes = []
     for axis, rows in matrix.items():
         if axis in ("extends", "matrix"):
-            mistake = f"a matrix varies values, not '{axis}': write it beside the matrix"
-            wrong.append(Mistake(source.place(("matrix", axis), of_name=True), mistake))
+            mistake = f"a matrix cannot vary '{axis}': write it at the top level of the file"
+            mistakes.append(Mistake(source.place(("matrix", axis), of_name=True), mistake))
         elif not (isinstance(rows, list) and rows):
-            wrong.append(Mistake(source.place(("matrix", axis)), text))
-    return wrong
+            mistakes.append(Mistake(source.place(("matrix", axis)), text))
+    return mistakes
 
 
 def _is_group(value: Any) -> bool:
-    """Keys that vary together, under a free name: `{model.fusion: none, model.touch_encoder: null}`."""
+    """Return whether a value is a group of keys, such as `{model.fusion: none, model.touch_encoder: null}`."""
     return isinstance(value, dict) and bool(value) and all("." in key for key in value)
 
 
 def _labels(axis: str, values: list[Any]) -> list[str]:
-    """A label for each value of an axis; numbered where two would be the same."""
+    """Return a label for each value of an axis; the labels are numbered if two would be the same."""
     labels = [_label(axis, value) for value in values]
     if len(set(labels)) == len(labels):
         return labels
@@ -110,7 +115,7 @@ def _labels(axis: str, values: list[Any]) -> list[str]:
 
 
 def _label(axis: str, value: Any) -> str:
-    """`touches.3`, `fusion.none`: the axis and its value; of a group, the value that comes first."""
+    """Return the label of an axis and value, such as `touches.3` or `fusion.none`; a group's first value is used."""
     first = next(iter(value.values())) if _is_group(value) else value
     named = first.get("use", "") if isinstance(first, dict) else first
     text = named if isinstance(named, str) else shown(named)

@@ -1,4 +1,4 @@
-"""One recipe over another: mappings key by key, parts with their options, each value with its place."""
+"""Merging of recipes: mappings key by key, parts with their options; each value keeps its location in its file."""
 
 import copy
 from typing import Any
@@ -11,7 +11,7 @@ from pcsr.validation_messages import shown
 
 
 def normalize(source: Source) -> Source:
-    """Bring a recipe into the form in which recipes are merged, in place: `{use: name}` for a part, today's names."""
+    """Bring a recipe, in place, into the form that `merge` needs: `{use: name}` for each part, no names of 0.1."""
     for keys in PARTS:
         section = source.data.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
@@ -21,52 +21,68 @@ def normalize(source: Source) -> Source:
     return source
 
 
-def merge(under: Source, over: Source) -> Source:
-    """Lay one recipe over another: mappings key by key, everything else replaced whole.
+def merge(base: Source, override: Source) -> Source:
+    """Return one recipe overridden by another: mappings are merged key by key, all other values replaced.
 
-    The options of a part stay if the same part is named again, and go with it if another is.
+    If both name the same part, its options are merged too. If they name different parts, the base's options are
+    dropped.
     """
-    merged = under.copy()
-    kept, replaced = _merge_into((), merged.data, over.data)
-    for mine, theirs in ((merged.values, over.values), (merged.names, over.names)):
-        for known in [keys for keys in mine if _inside(keys, replaced)]:
-            del mine[known]
-        mine |= {keys: place for keys, place in theirs.items() if keys in kept or _inside(keys, replaced)}
-    merged.values[()] = over.values[()]
-    merged.mistakes += over.mistakes
+    merged = base.copy()
+    updated, replaced = _update(merged.data, override.data, ())
+    for locations, new_locations in ((merged.values, override.values), (merged.names, override.names)):
+        for known in [keys for keys in locations if _inside(keys, replaced)]:
+            del locations[known]
+        locations |= {
+            keys: place for keys, place in new_locations.items() if keys in updated or _inside(keys, replaced)
+        }
+    merged.values[()] = override.values[()]
+    merged.mistakes += override.mistakes
     return merged
 
 
-def _merge_into(keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> tuple[set[Keys], set[Keys]]:
-    """Lay `above` over `below`: which values were laid over key by key, and which were replaced whole."""
-    kept: set[Keys] = set()
+def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple[set[Keys], set[Keys]]:
+    """Merge `override` into `base`, both at `keys`, in place.
+
+    Returns:
+        The keys of the mappings that were merged, and those of the values that were replaced.
+    """
+    updated: set[Keys] = set()
     replaced: set[Keys] = set()
-    for key, value in above.items():
-        here = (*keys, key)
-        old = below.get(key)
-        if isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value):
-            kept.add(here)
-            for all_of, inner in zip((kept, replaced), _merge_into(here, old, value), strict=True):
-                all_of |= inner
+    for key, value in override.items():
+        inner = (*keys, key)
+        old = base.get(key)
+        if isinstance(old, dict) and isinstance(value, dict) and not _other_part(inner, old, value):
+            updated.add(inner)
+            inner_updated, inner_replaced = _update(old, value, inner)
+            updated |= inner_updated
+            replaced |= inner_replaced
         else:
-            replaced.add(here)
-            below[key] = copy.deepcopy(value)
-    return kept, replaced
+            replaced.add(inner)
+            base[key] = copy.deepcopy(value)
+    return updated, replaced
 
 
 def _inside(keys: Keys, replaced: set[Keys]) -> bool:
-    """Whether a value, or one around it, is among those that were replaced."""
+    """Return whether a value, or one that contains it, was replaced."""
     return any(keys[:depth] in replaced for depth in range(1, len(keys) + 1))
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """The options of one part mean nothing to another."""
+    """Return whether two mappings name different parts."""
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 
 def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | None = None) -> None:
-    """Put one value into the data, as if a file with nothing else were laid over it."""
-    if keys[0] == "model" and len(keys) > 1:  # a change to the model that a recipe without one gets
+    """Set one value of a recipe, in place, as if a recipe with this value alone were merged over it.
+
+    Args:
+        source: recipe to change.
+        keys: keys of the value.
+        value: new value.
+        place: location of the value in its file.
+        name: location of the key; that of the value by default.
+    """
+    if keys[0] == "model" and len(keys) > 1:  # a recipe without a model has the default one, which is changed here
         source.data.setdefault("model", copy.deepcopy(DEFAULTS["model"]))
     data: Any = value
     over = Source({}, {(): source.values[()], keys: place}, {keys: name or place})
@@ -81,10 +97,10 @@ def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | N
 
 
 def assign_dotted(source: Source, dotted: str, value: Any, place: Place, name: Place | None = None) -> None:
-    """As `assign`, for a key that a person wrote with dots; one of too many is a mistake."""
+    """Do as `assign`, for a dotted key; a key of too many dots is added to the mistakes."""
     keys = tuple(dotted.split("."))
     if len(keys) > DEEPEST:
-        text = f"{shown(dotted)} has {len(keys)} keys in each other, and no recipe more than {DEEPEST}"
+        text = f"{shown(dotted)} nests {len(keys)} keys, and a recipe at most {DEEPEST}: shorten it"
         source.mistakes.append(Mistake(name or place, text))
     else:
         assign(source, keys, value, place, name)

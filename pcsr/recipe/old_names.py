@@ -1,7 +1,7 @@
-"""Recipes with the names of pcsr 0.1: read under the names of today, and hashed under the old ones.
+"""Renamed keys and parts of recipes: names of pcsr 0.1 are still read, and fingerprints are computed with them.
 
-Recipe files, the cards of weights and the manifests of data sets are read through `modernize`. Fingerprints are taken
-of `as_in_0_1`, so that a new name makes no run folder, weights or data set stale.
+Recipe files, the cards of weights and the manifests of data sets are read through `modernize`. Fingerprints are
+computed from `as_in_0_1`, so that existing run folders, weights and data sets stay valid.
 """
 
 import copy
@@ -19,18 +19,18 @@ KEYS: dict[Keys, str] = {
     ("evaluate", "beside"): "baselines",
     ("patches", "cover"): "overlap",
 }
-"""Old keys of a recipe, each with the new last key."""
+"""Renamed keys of recipes: old keys to the new last key."""
 OPTIONS: dict[tuple[str, str], dict[str, Keys]] = {
     ("fusion", "edge-conv"): {"heard": ("points_per_touch",)},
 }
-"""Old options of parts, by kind and today's name of the part, each with the keys of the new option."""
+"""Renamed options of parts: kind and new name of the part to old options, each with the keys of the new option."""
 
 
 def modernize(source: Source) -> None:
     """Replace the names of 0.1 in a recipe, in place.
 
     Warns:
-        PcsrWarning: there were some; one warning names all of them.
+        PcsrWarning: the recipe uses names of 0.1; one warning lists all of them with the new names.
     """
     notes: list[str] = []
     for keys, new in KEYS.items():
@@ -52,13 +52,13 @@ def modernize(source: Source) -> None:
 
 
 def modern_key(dotted: str) -> str:
-    """Today's form of a dotted key, such as `train.rate`."""
+    """Return the new name of a dotted key, such as `train.rate`; the key itself if it was not renamed."""
     keys = tuple(dotted.split("."))
     return ".".join((*map(str, keys[:1]), KEYS[keys])) if keys in KEYS else dotted
 
 
 def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
-    """A resolved recipe with the names that 0.1 gave to what it has; a copy."""
+    """Return a copy of a resolved recipe with the names of 0.1."""
     old = copy.deepcopy(plain)
     for keys, new in KEYS.items():
         section = old.get(str(keys[0]))
@@ -72,7 +72,7 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
-    """A part `{use: name, …}` with the names that 0.1 gave to it and its options; a copy."""
+    """Return a copy of a part's mapping `{use: name, …}` with the names of 0.1."""
     old = copy.deepcopy(part)
     for option, keys in OPTIONS.get((kind, old["use"]), {}).items():
         owner: Any = old
@@ -101,7 +101,7 @@ def _modernize_part(source: Source, keys: Keys, kind: str) -> list[str]:
 
 
 def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
-    """The dotted keys of a mapping at `keys`."""
+    """Rename the dotted keys of the mapping at `keys`, in place, and return a note for each."""
     if not isinstance(mapping, dict):
         return []
     old = [key for key in mapping if isinstance(key, str) and modern_key(key) != key]
@@ -110,9 +110,9 @@ def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
 
 
 def _move(source: Source, old: Keys, new: Keys) -> bool:
-    """Move a value from one key to another, and its position in the file with it.
+    """Move a value and its location in the file from one key to another, and return whether it was moved.
 
-    Where the new key is there too, nothing is moved: the old one is then reported as unknown.
+    If the new key exists too, nothing is moved, and the old key is later reported as unknown.
     """
     owner: Any = source.data
     for key in old[:-1]:
@@ -124,7 +124,7 @@ def _move(source: Source, old: Keys, new: Keys) -> bool:
         target = target.setdefault(key, {}) if isinstance(target, dict) else None
     if not isinstance(target, dict) or new[-1] in target:
         return False
-    if target is owner:  # at the same position: the order of a matrix decides the names of its runs
+    if target is owner:  # keep the order, since that of a matrix determines the names of its runs
         items = [(new[-1] if key == old[-1] else key, value) for key, value in owner.items()]
         owner.clear()
         owner.update(items)

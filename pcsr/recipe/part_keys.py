@@ -1,4 +1,4 @@
-"""Where a recipe names parts."""
+"""Keys of a recipe that name parts."""
 
 from pcsr.recipe.source import Keys
 
@@ -12,6 +12,6 @@ PARTS: dict[Keys, str] = {
     ("model", "upsampler"): "upsampler",
     ("train", "objective"): "objective",
 }
-"""The keys at which a recipe names a part, with the part's kind. A bare name is short for `{use: name}` there."""
+"""Keys at which a recipe names a part, with the part's kind. A bare name there is short for `{use: name}`."""
 DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
-"""Keys of the parts that building data needs, and of the network's parts, which are all that inference needs."""
+"""`DATA`: keys of the parts that building data needs. `MODEL`: keys of the network's parts, which inference needs."""

@@ -1,4 +1,4 @@
-"""Touches that people recorded: a folder with a `touches.json` and files beside it. docs/recorded.md has the format."""
+"""Recorded touches: folders with a manifest `touches.json` and data files. docs/recorded.md describes the format."""
 
 from pcsr.recorded.reading import MANIFEST, Recording, read
 from pcsr.recorded.writing import write

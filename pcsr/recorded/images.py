@@ -1,7 +1,7 @@
-"""Images of a gel: how far it was pressed in, or how far a camera behind it sees. To points in the sensor's frame.
+"""Conversion of tactile images to contact points: height maps of a gel, and depth images of a camera behind it.
 
-The sensor's frame is pcsr's: in mm, its origin in the middle of the gel's face, x to the image's right, y up,
-and z out of the object: what presses in has z above 0.
+Points are in pcsr's sensor frame, in mm. Its origin is the centre of the gel's face, x points to the image's right, y
+up, and z out of the object into the gel, so that an indentation has a positive z.
 """
 
 import warnings
@@ -19,22 +19,22 @@ from pcsr.recorded.pickles.unpickle import load_numpy
 
 SUFFIXES = (".npy", ".png", ".jpg", ".jpeg")
 LARGEST = 1 << 28
-"""Bytes of the largest image file: 256 MiB, more than `MOST_PIXELS` doubles take."""
-THICKEST = 30.0
-"""No fingertip's gel gives way farther, in mm."""
+"""Greatest size of an image file in bytes: 256 MiB, more than `MOST_PIXELS` float64 numbers take."""
+MAX_INDENTATION = 30.0
+"""Greatest indentation of a gel in mm; no fingertip's gel is thicker."""
 GREY = ("L", "I;16", "I;16B", "I;16L", "I;16N", "I")
-"""Pillow's names of images with one whole number a pixel."""
+"""Pillow's modes of images with one integer for each pixel."""
 
 
 def read_image(path: Path) -> Float[np.ndarray, "h w"]:
-    """The levels of a grey image, or a two-dimensional array.
+    """Read a grey image or a two-dimensional array.
 
     Raises:
-        UserError: no such file, an unknown suffix, a damaged file, or one that is not grey.
+        UserError: the file does not exist, has an unknown suffix, is damaged, or is not grey.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise UserError(f"{path}: no image format '{suffix}': {', '.join(SUFFIXES)} are known")
+        raise UserError(f"{path}: unknown image format '{suffix}': use one of {', '.join(SUFFIXES)}")
     image = load_numpy(path) if suffix == ".npy" else _picture(path)
     if not isinstance(image, np.ndarray) or image.ndim != 2 or image.size == 0 or image.dtype.kind not in "biuf":
         held = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
@@ -45,9 +45,7 @@ def read_image(path: Path) -> Float[np.ndarray, "h w"]:
 
 def _check_size(width: int, height: int, path: Path) -> None:
     if width * height > MOST_PIXELS:
-        raise UserError(
-            f"{path} is an image of {width} x {height} pixels, and {MOST_PIXELS} are the most: make it smaller"
-        )
+        raise UserError(f"{path} is an image of {width} x {height} pixels, more than {MOST_PIXELS}: make it smaller")
 
 
 def _picture(path: Path) -> np.ndarray:
@@ -56,45 +54,48 @@ def _picture(path: Path) -> np.ndarray:
     data = read_bytes(path, most=LARGEST)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its size is looked at here, and what else it finds odd does no harm
-            # Of these kinds alone: Pillow knows fifty more by their content, some of which start other programs.
+            warnings.simplefilter("ignore")  # the size is checked here; other warnings are harmless
+            # Only these formats: Pillow would detect fifty others, some of which start other programs.
             with Image.open(BytesIO(data), formats=("PNG", "JPEG")) as image:
                 _check_size(*image.size, path)
                 mode, levels = image.mode, np.array(image)
     except UserError:
         raise
     except Image.DecompressionBombError as error:
-        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels, the most: make it smaller") from error
-    except Exception as error:  # Pillow raises whatever a malformed file makes it trip over
+        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels: make it smaller") from error
+    except Exception as error:  # a malformed file makes Pillow raise errors of many types
         reason = "it is damaged, or no PNG or JPEG" if isinstance(error, UnidentifiedImageError) else error
         raise UserError(f"{path} cannot be read as an image: {reason}") from error
     if mode not in GREY:
-        raise UserError(f"{path} is an image of mode {mode}: heights, depths and masks are grey, of 8 or 16 bits")
+        raise UserError(f"{path} is an image of mode {mode}: heights, depths and masks must be grey, of 8 or 16 bits")
     return levels
 
 
 def same_size(image: np.ndarray, other: np.ndarray | None, name: str) -> None:
-    """Refuse a background or mask that does not fit.
+    """Check that a background or mask has the size of its image.
 
     Raises:
-        UserError: it has another size.
+        UserError: the sizes differ.
     """
     if other is not None and other.shape != image.shape:
-        raise UserError(f"the {name} has {other.shape} rows and columns, and the image {image.shape}")
+        raise UserError(f"the {name} has {other.shape} rows and columns, and the image {image.shape}: use equal sizes")
 
 
 def height_contact(
     indentation: Float[np.ndarray, "h w"], mm_per_pixel: float, contact: Bool[np.ndarray, "h w"]
 ) -> tuple[Float[np.ndarray, "m 3"], float]:
-    """The points in contact, in the sensor's frame, and their area in mm²; pixels are looked at from straight above.
+    """Convert a height map, seen orthographically, to contact points.
 
     Args:
-        indentation: how far each pixel of the gel is pressed in, in mm.
+        indentation: indentation of the gel at each pixel, in mm.
         mm_per_pixel: side of a pixel.
-        contact: where the object touches.
+        contact: mask of the pixels in contact.
+
+    Returns:
+        The points in the sensor's frame, and the contact area in mm².
 
     Raises:
-        UserError: no pixel is in contact.
+        UserError: no pixel is in contact, or an indentation exceeds `MAX_INDENTATION`.
     """
     rows, columns = _in_contact(contact & np.isfinite(indentation))
     _check_depth(float(indentation[rows, columns].max()))
@@ -106,16 +107,19 @@ def height_contact(
 def depth_contact(
     depth: Float[np.ndarray, "h w"], intrinsics: Intrinsics, face: float, contact: Bool[np.ndarray, "h w"]
 ) -> tuple[Float[np.ndarray, "m 3"], float]:
-    """The points in contact, in the sensor's frame, and their area across the camera's axis in mm².
+    """Convert a depth image to contact points.
 
     Args:
-        depth: of each pixel along the camera's axis, in mm.
-        intrinsics: of the camera.
+        depth: depth of each pixel along the camera's axis, in mm.
+        intrinsics: intrinsics of the camera.
         face: distance of the gel's face from the camera, in mm.
-        contact: where the object touches; pixels without a depth are none.
+        contact: mask of the pixels in contact; pixels without a finite, positive depth are ignored.
+
+    Returns:
+        The points in the sensor's frame, and the contact area, projected along the camera's axis, in mm².
 
     Raises:
-        UserError: no pixel is in contact.
+        UserError: no pixel is in contact, or an indentation exceeds `MAX_INDENTATION`.
     """
     rows, columns = _in_contact(contact & np.isfinite(depth) & (depth > 0))
     z = depth[rows, columns]
@@ -125,20 +129,20 @@ def depth_contact(
     return np.stack([x, y, face - z], axis=-1), area
 
 
-def _check_depth(most: float) -> None:
-    """Refuse what no gel can be: most often a wrong unit.
+def _check_depth(indentation: float) -> None:
+    """Check that a gel can be indented so far; if not, the unit is mostly wrong.
 
     Raises:
-        UserError: it is pressed in too far.
+        UserError: the indentation exceeds `MAX_INDENTATION`.
     """
-    if most > THICKEST:
+    if indentation > MAX_INDENTATION:
         raise UserError(
-            f"the gel is pressed in by {most:.4g} mm, and none is thicker than {THICKEST:g} mm: check its unit, "
-            f"mm_per_level or face"
+            f"the gel is indented by {indentation:.4g} mm, more than the {MAX_INDENTATION:g} mm that any gel is thick: "
+            f"check unit, mm_per_level or face"
         )
 
 
 def _in_contact(contact: Bool[np.ndarray, "h w"]) -> tuple[np.ndarray, ...]:
     if not contact.any():
-        raise UserError(f"no contact: none of its {contact.size} pixels is in contact")
+        raise UserError(f"no contact: none of the {contact.size} pixels is in contact")
     return np.nonzero(contact)

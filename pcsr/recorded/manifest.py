@@ -1,4 +1,4 @@
-"""What a `touches.json` may say: strict models, and their mistakes in plain words. docs/recorded.md explains it."""
+"""Strict models of the manifest `touches.json`, and messages about its mistakes. docs/recorded.md describes it."""
 
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Literal, TypeVar
@@ -9,17 +9,17 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.validation_messages import explained
 
 Model = TypeVar("Model", bound=BaseModel)
-MISTAKES = 20
-"""So many mistakes of one entry are said; of more, how many."""
+MOST_MISTAKES = 20
+"""Greatest number of mistakes of one entry that a message lists; further ones are counted."""
 UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
-"""Lengths of the named units, in mm."""
+"""Length of each named unit in mm."""
 
 
 def _length(value: Any) -> Any:
-    """A unit's length in mm."""
+    """Return the length of a named unit in mm; any other value unchanged."""
     if isinstance(value, str):
         if value not in UNITS:
-            raise ValueError(f"no unit of that name: {', '.join(UNITS)}, or a number: its length in mm")
+            raise ValueError(f"unknown unit: use {', '.join(UNITS)}, or the unit's length in mm as a number")
         return UNITS[value]
     return value
 
@@ -34,21 +34,21 @@ Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class Strict(BaseModel):
-    """Unknown keys and other types are mistakes, and so is what is not finite."""
+    """Immutable model that refuses unknown keys, other types and numbers that are not finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class MatrixPose(Strict):
-    """A 4x4 matrix that maps sensor coordinates to the object's, or to the world's."""
+    """Pose as a 4x4 matrix that maps sensor coordinates to those of the object or the world."""
 
     matrix: Annotated[list[Row], Field(min_length=4, max_length=4)]
     maps_to: Literal["object_unit", "rigid"] | None = None
-    """None: `object_unit` where poses lead to the object, `rigid` where they lead to the world."""
+    """Unit of the mapped coordinates. None: `object_unit` if poses lead to the object, `rigid` if to the world."""
 
 
 class QuaternionPose(Strict):
-    """A rigid pose; its translation is in the recording's unit."""
+    """Rigid pose as a translation, in the recording's unit, and a quaternion."""
 
     translation: Triple
     quaternion: Row
@@ -56,12 +56,12 @@ class QuaternionPose(Strict):
 
 
 class EulerPose(Strict):
-    """A rigid pose; its translation is in the recording's unit."""
+    """Rigid pose as a translation, in the recording's unit, and Euler angles."""
 
     translation: Triple
     euler: Annotated[list[float], Field(min_length=1, max_length=3)]
     axes: Annotated[str, Field(pattern=r"^([xyz]{1,3}|[XYZ]{1,3})$")]
-    """As scipy takes them: small letters turn about fixed axes, capitals about those that turn along."""
+    """Axes in scipy's notation: lower-case letters for fixed axes, upper-case letters for axes that rotate along."""
     angle: Literal["degrees", "radians"]
 
 
@@ -77,33 +77,33 @@ Pose = Annotated[
     Discriminator(
         _kind_of_pose,
         custom_error_type="pose",
-        custom_error_message="a pose says one of matrix, quaternion and euler",
+        custom_error_message="a pose has exactly one of the keys matrix, quaternion and euler",
     ),
 ]
 
 
 class Entry(Strict):
-    """What every touch may say."""
+    """Keys that all touches of one finger have in common."""
 
     name: str | None = None
     pose: Pose | None = None
     sensor: str | None = None
-    """Where it is another than the recording's."""
+    """Name of the sensor; that of the recording by default."""
 
 
 class CloudEntry(Entry):
-    """The points themselves."""
+    """Touch that is recorded as a cloud of touched points."""
 
     cloud: str | None
-    """None: a finger of a grasp that was there, and felt nothing."""
+    """File of the cloud. None: a finger of a grasp without contact."""
     unit: Length | None = None
-    """Of this cloud, where it is another than the recording's."""
+    """Unit of the cloud; that of the recording by default."""
     contact_area: NotNegative | None = None
-    """In mm²."""
+    """Contact area in mm²."""
 
 
 class HeightEntry(Entry):
-    """An image of how far the gel's surface has moved."""
+    """Touch that is recorded as a height map of the gel's surface."""
 
     height: str
     mm_per_level: Positive
@@ -115,7 +115,7 @@ class HeightEntry(Entry):
 
 
 class Intrinsics(Strict):
-    """A pinhole camera, in pixels."""
+    """Intrinsics of a pinhole camera, in pixels."""
 
     fx: Positive
     fy: Positive
@@ -124,30 +124,30 @@ class Intrinsics(Strict):
 
 
 class DepthEntry(Entry):
-    """An image of distances along the axis of a pinhole camera behind the gel."""
+    """Touch that is recorded as a depth image of a pinhole camera behind the gel."""
 
     depth: str
     unit: Length
     intrinsics: Intrinsics
     face: Positive
-    """From the camera to the gel's face, in mm."""
+    """Distance from the camera to the gel's face, in mm."""
     contact_above: NotNegative
     background: str | None = None
 
 
 class GraspEntry(Strict):
-    """Several fingers at once."""
+    """Touch of several fingers at once."""
 
     fingers: Annotated[list[Any], Field(min_length=1)]
     name: str | None = None
     sensor: str | None = None
     contact_area: NotNegative | None = None
     order: str | None = None
-    """File with the place of each of the grasp's points among those of its fingers, one finger after the other."""
+    """File of the order of the grasp's points: indices into the points of all fingers, one finger after another."""
 
 
-class Recorded(Strict):
-    """The whole file, its touches unread: each is checked by itself, so that a bad one does not stop the others."""
+class RecordingManifest(Strict):
+    """Content of `touches.json`. Touches are validated one by one later, so that a bad one does not stop the others."""
 
     format: Literal[1]
     unit: Length
@@ -160,14 +160,14 @@ class Recorded(Strict):
     touches: Annotated[list[Any], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _world(self) -> "Recorded":
+    def _world(self) -> "RecordingManifest":
         if (self.pose_to == "world") != (self.object_pose is not None):
             raise ValueError("pose_to 'world' and object_pose, the object's own pose there, go together: give both")
         return self
 
 
-class LaidOut(Strict):
-    """A folder in somebody else's layout."""
+class LayoutManifest(Strict):
+    """Content of `touches.json` in a folder that has the layout of another data set."""
 
     format: Literal[1]
     layout: dict[str, Any]
@@ -182,38 +182,45 @@ ENTRIES: dict[str, type[Entry] | type[GraspEntry]] = {
 
 
 def check_entry(value: Any, place: str, *, in_grasp: bool = False) -> Entry | GraspEntry:
-    """One touch, or one finger of a grasp.
+    """Validate the entry of one touch, or of one finger of a grasp.
+
+    Args:
+        value: plain data of the entry.
+        place: keys of the entry, joined by dots, for messages.
+        in_grasp: the entry is a finger of a grasp.
 
     Raises:
-        UserError: it has mistakes; all of them.
+        UserError: the entry has mistakes; the message has one line for each.
     """
     allowed = [key for key in ENTRIES if not (in_grasp and key == "fingers")]
     kinds = [key for key in allowed if isinstance(value, dict) and key in value]
     if len(kinds) != 1:
-        raise UserError(f"touches.json: {place}: it says {_and(kinds)}: it needs one of {', '.join(allowed)}")
+        found = " and ".join(kinds) or "none"
+        raise UserError(f"touches.json: {place}: it has {found} of the keys {', '.join(allowed)}: give exactly one")
     entry = checked(ENTRIES[kinds[0]], value, place)
     if isinstance(entry, CloudEntry) and entry.cloud is None and not in_grasp:
-        raise UserError(f"touches.json: {place}.cloud: only a finger of a grasp may have felt nothing: name a file")
+        raise UserError(f"touches.json: {place}.cloud: only a finger of a grasp may have no contact: name a file")
     return entry
 
 
 def checked(model: type[Model], value: Any, place: str) -> Model:
-    """A model of plain data.
+    """Validate plain data of the manifest.
 
     Args:
-        model: what it should be.
-        value: what the file says.
-        place: its keys, joined by dots; empty at the top.
+        model: model of the data.
+        value: plain data.
+        place: keys of the data, joined by dots, for messages; empty for the whole file.
 
     Raises:
-        UserError: it has mistakes; one line for each.
+        UserError: the data has mistakes; the message has one line for each.
     """
     try:
         return model.model_validate(value)
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
-        lines = [f"touches.json: {_mistake(one, model, place)}" for one in mistakes[:MISTAKES]]
-        lines += [f"touches.json: and {len(mistakes) - MISTAKES} mistakes more"] if len(mistakes) > MISTAKES else []
+        lines = [f"touches.json: {_mistake(one, model, place)}" for one in mistakes[:MOST_MISTAKES]]
+        if len(mistakes) > MOST_MISTAKES:
+            lines.append(f"touches.json: and {len(mistakes) - MOST_MISTAKES} more mistakes")
         raise UserError("\n".join(dict.fromkeys(lines))) from error
 
 
@@ -221,14 +228,14 @@ def _mistake(one: Any, model: type[BaseModel], place: str) -> str:
     keys = [key for key in one["loc"] if not str(key).startswith("<")]
     path = ".".join(str(key)[:80] for key in [*([place] if place else []), *keys]) or "the file"
     if one["type"] == "extra_forbidden":
-        return f"{path}: no such key here: {did_you_mean(str(keys[-1])[:80], _fields(model, one['loc']))}"
+        return f"{path}: unknown key: {did_you_mean(str(keys[-1])[:80], _fields(model, one['loc']))}"
     if one["type"] == "missing":
         return f"{path} is missing: add it"
     return f"{path}: {explained([one])}"
 
 
 def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
-    """The keys that are known where an unknown one was found."""
+    """Return the keys that are allowed at the location of an unknown one."""
     nested: dict[Any, type[BaseModel]] = {
         "<matrix>": MatrixPose,
         "<quaternion>": QuaternionPose,
@@ -240,23 +247,23 @@ def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """A file of a recording, which must lie in its folder.
+    """Return the path of a file of a recording, which must lie in the recording's folder.
+
+    Args:
+        folder: folder of the recording.
+        name: path of the file, relative to the folder.
 
     Raises:
-        UserError: the name leads out of it.
+        UserError: the path leads out of the folder.
     """
     path = folder / name
     try:
         leaves = not path.resolve().is_relative_to(folder.resolve()) or path.resolve() == folder.resolve()
-    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file has
+    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file can have
         leaves = True
-    windows = PureWindowsPath(name)  # a recording must not mean other files on another system
+    windows = PureWindowsPath(name)  # the path must not lead elsewhere on Windows either
     if leaves or windows.anchor or ".." in windows.parts:
         raise UserError(
-            f"file '{name[:99]}' is not inside of the recording's folder: put it there, and name it from there"
+            f"file '{name[:99]}' is not inside of the recording's folder: move it there, and give its path from there"
         )
     return path
-
-
-def _and(words: list[str]) -> str:
-    return " and ".join(words) or "none"

@@ -1,4 +1,4 @@
-"""Reading a recording: its manifest, its files, each touch in the object's frame; what is wrong with the others."""
+"""Reading of recordings: the manifest, the data files, and each touch converted to the object's frame."""
 
 import json
 from collections import Counter
@@ -23,8 +23,8 @@ from pcsr.recorded.manifest import (
     Entry,
     GraspEntry,
     HeightEntry,
-    LaidOut,
-    Recorded,
+    LayoutManifest,
+    RecordingManifest,
     check_entry,
     checked,
     inside,
@@ -33,13 +33,13 @@ from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import sensor_to_object, transformed, turn
 
 MANIFEST = "touches.json"
-REASONS = 20
-"""Of so many touches that could not be used it is said why, where none could."""
+MOST_REASONS = 20
+"""Greatest number of reasons in the message about a recording of which no touch is usable; further ones are counted."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """The touches of one object, in its frame and unit.
+    """Touches of one object, in its frame and unit.
 
     Examples:
         >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
@@ -50,16 +50,19 @@ class Recording:
 
     touches: list[Touch]
     names: list[str]
-    """Of each touch: its name, or its file."""
+    """Name of each touch, or else its file."""
     skipped: dict[str, str]
-    """What was left out, and why."""
+    """Names of unusable touches, with the reasons."""
 
 
 def read(folder: Path | str) -> Recording:
-    """Read a recording. A touch that cannot be used is left out, with the reason; the others are not the worse.
+    """Read a recording. Unusable touches are skipped and listed in `Recording.skipped` with the reason.
+
+    Args:
+        folder: folder of the recording, or its file `touches.json`.
 
     Raises:
-        UserError: the manifest is not there or has mistakes, or not one touch is of use; all the reasons.
+        UserError: the manifest does not exist or has mistakes, or no touch is usable; the message lists the reasons.
 
     Examples:
         >>> touch = pcsr.Touch.single(np.zeros((20, 3)), None, unit=1.0, sensor="digit")
@@ -74,37 +77,38 @@ def read(folder: Path | str) -> Recording:
     plain = _json(path)
     recording = Recording([], [], {})
     try:
-        found = _laid_out(folder, plain) if "layout" in plain else _listed(folder, checked(Recorded, plain, ""))
+        if "layout" in plain:
+            found = _from_layout(folder, plain)
+        else:
+            found = _listed(folder, checked(RecordingManifest, plain, ""))
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is left out
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # touches that are not finite are skipped
         _sort(folder, found, recording)
     if not recording.touches:
         skipped = list(recording.skipped.items())
-        reasons = "".join(f"\n  {name}: {reason}" for name, reason in skipped[:REASONS])
-        reasons += f"\n  and {len(skipped) - REASONS} more" if len(skipped) > REASONS else ""
-        raise UserError(f"{folder}: not one touch could be used{reasons or ': there is none in it'}")
+        reasons = "".join(f"\n  {name}: {reason}" for name, reason in skipped[:MOST_REASONS])
+        reasons += f"\n  and {len(skipped) - MOST_REASONS} more" if len(skipped) > MOST_REASONS else ""
+        raise UserError(f"{folder}: not one touch could be used{reasons or ': it holds none'}")
     return recording
 
 
 def _sort(folder: Path, found: Iterator[tuple[str, Touch | str]], recording: Recording) -> None:
-    """Put each touch into the recording, or the reason why it is of no use.
+    """Add each touch, or the reason why it is unusable, to the recording.
 
     Raises:
-        UserError: they are too many.
+        UserError: there are too many touches or points.
     """
     points = 0
     for number, (name, touch) in enumerate(found):
         points += len(touch.points) if isinstance(touch, Touch) else 0
         if number >= MOST_TOUCHES or points > MOST_TOUCHED_POINTS:
             raise UserError(
-                f"{folder} holds more than {MOST_TOUCHES} touches or {MOST_TOUCHED_POINTS} touched points, the most of "
-                f"one recording: leave some out"
+                f"{folder} holds more than {MOST_TOUCHES} touches or {MOST_TOUCHED_POINTS} touched points, the limits "
+                f"of one recording: remove some"
             )
         if isinstance(touch, Touch) and not (np.isfinite(touch.points).all() and np.isfinite(touch.poses).all()):
-            recording.skipped[name] = (
-                "its points or pose are not finite numbers: a figure in it is far too large or small"
-            )
+            recording.skipped[name] = "its points or pose are not finite: a number in it is far too large or small"
         elif isinstance(touch, Touch):
             recording.touches.append(touch)
             recording.names.append(name)
@@ -112,8 +116,8 @@ def _sort(folder: Path, found: Iterator[tuple[str, Touch | str]], recording: Rec
             recording.skipped[name] = touch
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object, in which each key stands once."""
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object as a dictionary, and refuse a key that occurs twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         key = Counter(key for key, _ in pairs).most_common(1)[0][0]
@@ -121,7 +125,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _whole(digits: str) -> int:
+def _integer(digits: str) -> int:
     if len(digits) > 400:
         raise ValueError(f"a number of {len(digits)} digits")
     return int(digits)
@@ -131,28 +135,28 @@ def _json(path: Path) -> dict[str, Any]:
     try:
         data = read_bytes(path, most=LARGEST_JSON)
     except UserError as error:
-        raise UserError(f"{error}: a recording has one") from error
+        raise UserError(f"{error}: every recording has one") from error
     try:
-        plain = json.loads(data.decode("utf-8-sig"), object_pairs_hook=_once, parse_int=_whole)
+        plain = json.loads(data.decode("utf-8-sig"), object_pairs_hook=_unique_keys, parse_int=_integer)
     except ValueError as error:
-        raise UserError(f"{path} is no JSON: {error}") from error
+        raise UserError(f"{path} is not valid JSON: {error}") from error
     except RecursionError as error:
-        raise UserError(f"{path} is no JSON of touches: it is nested too deeply") from error
+        raise UserError(f"{path} is no manifest of touches: it is nested too deeply") from error
     if not isinstance(plain, dict):
         raise UserError(f"{path} holds a {type(plain).__name__}: it must be an object, {{…}}")
     return plain
 
 
-def _laid_out(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
+def _from_layout(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
     if "touches" in plain:
-        raise UserError(f"{MANIFEST}: it says touches and layout: say which of them it is")
-    return layouts.read(folder, checked(LaidOut, plain, "").layout)
+        raise UserError(f"{MANIFEST}: it has the keys touches and layout: remove one of them")
+    return layouts.read(folder, checked(LayoutManifest, plain, "").layout)
 
 
-def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str]]:
-    """The touches of the manifest, or what is wrong with them."""
+def _listed(folder: Path, recorded: RecordingManifest) -> Iterator[tuple[str, Touch | str]]:
+    """Yield the name of each touch of the manifest, with the touch or the reason why it is unusable."""
     if len(recorded.touches) > MOST_TOUCHES:
-        raise UserError(f"{MANIFEST}: touches: it has {len(recorded.touches)}, and {MOST_TOUCHES} are the most")
+        raise UserError(f"{MANIFEST}: touches: it lists {len(recorded.touches)}, more than {MOST_TOUCHES}: remove some")
     taken: set[str] = set()
     for index, value in enumerate(recorded.touches):
         place = f"touches.{index}"
@@ -164,12 +168,12 @@ def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str
             yield name, _touch(folder, recorded, check_entry(value, place), place)
         except UserError as error:
             yield name, "; ".join(str(error).splitlines())
-        except (ArithmeticError, MemoryError) as error:  # a figure that is far too large or small
-            yield name, f"{place}: it cannot be computed with: {error or type(error).__name__}"
+        except (ArithmeticError, MemoryError) as error:  # a number is far too large or small
+            yield name, f"{place}: a number in it is too large or small: {error or type(error).__name__}"
 
 
 def _name(value: Any) -> str | None:
-    """What to call an entry, be it right or wrong: its name, or its file."""
+    """Return the name of an entry, which may be invalid, or else its file."""
     if not isinstance(value, dict):
         return None
     for key in ("name", "cloud", "height", "depth"):
@@ -180,7 +184,7 @@ def _name(value: Any) -> str | None:
     return "+".join(file for file in files if file) or None
 
 
-def _touch(folder: Path, recorded: Recorded, entry: Entry | GraspEntry, place: str) -> Touch:
+def _touch(folder: Path, recorded: RecordingManifest, entry: Entry | GraspEntry, place: str) -> Touch:
     if isinstance(entry, Entry):
         try:
             return _finger(folder, recorded, entry)
@@ -188,46 +192,51 @@ def _touch(folder: Path, recorded: Recorded, entry: Entry | GraspEntry, place: s
             raise UserError(f"{MANIFEST}: {place}: {error}") from error
     fingers = []
     if len(entry.fingers) > MOST_FINGERS:
-        raise UserError(f"{MANIFEST}: {place}.fingers: it has {len(entry.fingers)}, and {MOST_FINGERS} are the most")
+        raise UserError(
+            f"{MANIFEST}: {place}.fingers: it lists {len(entry.fingers)}, more than {MOST_FINGERS}: remove some"
+        )
     for number, value in enumerate(entry.fingers):
         inner = f"{place}.fingers.{number}"
         finger = check_entry(value, inner, in_grasp=True)
         fingers.append(_touch(folder, recorded, finger, inner))
     if len({len(finger.poses) for finger in fingers}) != 1:
-        raise UserError(f"{MANIFEST}: {place}: some fingers have a pose and others none: give all of them one, or none")
+        raise UserError(f"{MANIFEST}: {place}: some fingers have a pose and others none: give it for all, or for none")
     touch = Touch.grasp(fingers)
     if len(touch.points) == 0:
-        raise UserError(f"{MANIFEST}: {place}: none of its fingers felt anything")
+        raise UserError(f"{MANIFEST}: {place}: none of its fingers has any contact")
     if entry.order is not None:
         order = load_numpy(inside(folder, entry.order))
         whole = isinstance(order, np.ndarray) and order.ndim == 1 and order.dtype.kind in "iu"
         if not whole or not np.array_equal(np.sort(order), np.arange(len(touch.points))):
-            raise UserError(f"{MANIFEST}: {place}.order: it does not name each of the {len(touch.points)} points once")
+            raise UserError(
+                f"{MANIFEST}: {place}.order: it must contain the index of each of the {len(touch.points)} points once"
+            )
         touch = replace(touch, points=touch.points[order], finger=touch.finger[order])
     area = touch.contact_area if entry.contact_area is None else entry.contact_area
     return replace(touch, contact_area=area, sensor=entry.sensor or touch.sensor)
 
 
-def _finger(folder: Path, recorded: Recorded, entry: Entry) -> Touch:
+def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
     pose = None
     if entry.pose is not None:
         pose = sensor_to_object(entry.pose, recorded.unit, recorded.object_unit, recorded.object_pose)
     sensor = entry.sensor or recorded.sensor
-    # Multiplying by a turn that turns nothing would leave the numbers, but not the sign of each 0.
-    ours = pose if pose is None or recorded.axes == "-z" else pose @ turn(recorded.axes)
+    # The axes "-z" are pcsr's own. Multiplying by the identity could change the sign of a zero.
+    sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ turn(recorded.axes)
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
-        return Touch.single(points, ours, recorded.object_unit, sensor, entry.contact_area)
-    if ours is None:
-        raise UserError("pose is missing: where the sensor was must be known to place what it saw; add it")
-    felt, area = _seen(folder, entry)
-    return Touch.single(transformed(ours, felt), ours, recorded.object_unit, sensor, area)
+        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area)
+    if sensor_pose is None:
+        raise UserError("pose is missing: an image is in the frame of the sensor; add it")
+    touched, area = _contact(folder, entry)
+    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area)
 
 
 def _in_object(
-    points: Float[np.ndarray, "n 3"], unit: float, recorded: Recorded, pose: Float[np.ndarray, "4 4"] | None
+    points: Float[np.ndarray, "n 3"], unit: float, recorded: RecordingManifest, pose: Float[np.ndarray, "4 4"] | None
 ) -> Float[np.ndarray, "n 3"]:
+    """Convert the points of a cloud to the object's frame and unit."""
     if recorded.frame == "object":
         return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
     if pose is None:
@@ -235,8 +244,8 @@ def _in_object(
     return transformed(pose, points * unit)
 
 
-def _seen(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
-    """What an image shows, in pcsr's sensor frame, and the area of the contact."""
+def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
+    """Return the contact points of an image, in pcsr's sensor frame, and the contact area in mm²."""
     if isinstance(entry, HeightEntry):
         height = read_image(inside(folder, entry.height)) * entry.mm_per_level
         background = _optional(folder, entry.background, height, "background")
@@ -253,7 +262,7 @@ def _seen(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
     return depth_contact(depth, entry.intrinsics, entry.face, contact)
 
 
-def _optional(folder: Path, name: str | None, image: np.ndarray, what: str) -> np.ndarray | None:
+def _optional(folder: Path, name: str | None, image: np.ndarray, role: str) -> np.ndarray | None:
     other = None if name is None else read_image(inside(folder, name))
-    same_size(image, other, what)
+    same_size(image, other, role)
     return other

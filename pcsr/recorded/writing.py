@@ -1,4 +1,4 @@
-"""Writing touches as a recording that reads back to the last bit."""
+"""Writing of touches as a recording, without loss of a bit."""
 
 import json
 from collections.abc import Sequence
@@ -20,19 +20,19 @@ from pcsr.recorded.reading import MANIFEST
 def write(
     folder: Path, touches: Sequence[Touch], names: Sequence[str] | None = None, *, overwrite: bool = False
 ) -> None:
-    """Write touches of one object so that `read` gives the same ones, to the last bit.
+    """Write touches of one object as a recording, from which `read` returns the same touches to the last bit.
 
-    The manifest is written last: a folder that has none was not finished.
+    The manifest is written last, so that a folder without one is not finished.
 
     Args:
-        folder: where to; it need not be there.
-        touches: all of one unit.
-        names: one for each touch.
-        overwrite: replace the recording that is there.
+        folder: folder to write to; it need not exist.
+        touches: touches with the same unit.
+        names: name of each touch.
+        overwrite: replace the recording in the folder.
 
     Raises:
-        UserError: there is a recording already, a file of another's would be overwritten, or something could not be
-            read again.
+        UserError: the folder holds a recording already, a file that does not belong to one would be overwritten, or a
+            touch cannot be represented.
         RunError: a file cannot be written.
 
     Examples:
@@ -44,12 +44,12 @@ def write(
     manifest = folder / MANIFEST
     old = _files_of(manifest)
     if old is not None and not overwrite:
-        raise UserError(f"{folder} holds a recording already: take another folder, or overwrite it (--overwrite)")
+        raise UserError(f"{folder} holds a recording already: choose another folder, or overwrite it (--overwrite)")
     units = sorted({float(touch.unit) for touch in touches})
     if len(units) != 1:
-        raise UserError(f"{folder}: touches of one object have one unit, got {units} mm")
+        raise UserError(f"{folder}: the touches of a recording must have the same unit, got units of {units} mm")
     if names is not None and len(names) != len(touches):
-        raise UserError(f"{folder}: {len(names)} names for {len(touches)} touches: give each one")
+        raise UserError(f"{folder}: {len(names)} names for {len(touches)} touches: give one for each")
     clouds: dict[str, np.ndarray] = {}
     entries = [_entry(touch, str(index), clouds) for index, touch in enumerate(touches)]
     for index, (entry, touch) in enumerate(zip(entries, touches, strict=True)):
@@ -58,11 +58,11 @@ def write(
     head = {"format": 1, "unit": "mm", "object_unit": units[0], "frame": "object", "sensor": touches[0].sensor}
     text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
     text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
-    strange = [file for file in clouds.keys() - (old or set()) if not _free(folder / file, clouds[file])]
-    if strange:
-        raise UserError(f"{folder / strange[0]} is there already and of no recording: take another folder")
+    foreign = [file for file in clouds.keys() - (old or set()) if not _free(folder / file, clouds[file])]
+    if foreign:
+        raise UserError(f"{folder / foreign[0]} exists already and belongs to no recording: choose another folder")
     try:
-        manifest.unlink(missing_ok=True)  # it must never describe another's clouds
+        manifest.unlink(missing_ok=True)  # first: it must never describe the new clouds
         for file in sorted((old or set()) - clouds.keys()):
             inside(folder, file).unlink(missing_ok=True)
     except OSError as error:
@@ -77,7 +77,7 @@ def write(
             else:
                 _write_array(folder / file, array)
         write_text(manifest, text)
-    except BaseException:  # a full disk as well as Ctrl-C: half a recording is of no use
+    except BaseException:  # KeyboardInterrupt too: an incomplete recording is removed
         for path in written:
             path.unlink(missing_ok=True)
         if new and folder.is_dir():
@@ -86,10 +86,10 @@ def write(
 
 
 def _files_of(manifest: Path) -> set[str] | None:
-    """The files that a recording which `write` made consists of, besides its manifest; None if there is none.
+    """Return the data files of the recording in a folder, or None if there is no recording.
 
     Raises:
-        UserError: the folder is a file, or its name is none.
+        UserError: the folder is a file, or cannot be read.
     """
     try:
         if not manifest.exists():
@@ -102,27 +102,27 @@ def _files_of(manifest: Path) -> set[str] | None:
     except OSError as error:
         raise UserError(f"{manifest.parent} cannot be written to: {error.strerror or error}") from error
     except (ValueError, LookupError, TypeError, AttributeError):
-        return set()  # somebody else's: none of its files is ours to remove
+        return set()  # a manifest that `write` did not make: none of its files is removed
 
 
 def _free(path: Path, array: np.ndarray) -> bool:
-    """Whether a file may be written: nothing is there, or just that, which a write that was stopped left behind."""
+    """Return whether a file may be written: it does not exist, or an interrupted write left this very content."""
     if not path.exists():
         return True
     try:
-        there = read_points(path) if path.suffix == ".ply" else load_numpy(path)
+        existing = read_points(path) if path.suffix == ".ply" else load_numpy(path)
     except UserError:
         return False
-    return bool(np.array_equal(there, array))
+    return bool(np.array_equal(existing, array))
 
 
 def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The entry of a touch; its files go into `clouds`."""
+    """Return the manifest's entry of a touch, and add the arrays of its files to `clouds`."""
     fingers = max(len(touch.poses), int(touch.finger.max(initial=0)) + 1)
     if len(touch.poses) not in (0, fingers) or len(touch.points) == 0 or not np.isfinite(touch.points).all():
         raise UserError(
             f"touch {stem} by '{touch.sensor}' cannot be recorded: it has {len(touch.points)} points of {fingers} "
-            f"fingers and {len(touch.poses)} poses; points must be finite, and of all fingers or none is the pose known"
+            f"fingers and {len(touch.poses)} poses: it needs finite points, and a pose for all fingers or for none"
         )
     area: dict[str, Any] = {} if touch.contact_area is None else {"contact_area": float(touch.contact_area)}
     if area and not 0 <= area["contact_area"] < np.inf:

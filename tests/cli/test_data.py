@@ -27,7 +27,7 @@ def test_make_builds_every_split_and_says_what_is_in_them(data, tmp_path):
     done = data("make", "balls", "-o", tmp_path, settings=[*SMALL, "count=5", "held_out=1", "bad=[2]"])
     assert done.exit_code == 0, done.output
     assert "16 points to 64 (poisson; sparse: random), 2 touches, seed 0" in done.output
-    assert "left out of train: train/002: a bad ball" in done.output
+    assert "rejected from train: train/002: a bad ball" in done.output
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {split: about["objects"] for split, about in manifest["splits"].items()} == {
         "train": 4,
@@ -66,7 +66,7 @@ def test_make_takes_a_folder_of_meshes(data, tmp_path):
 def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, tmp_path):
     done = data("make", "balls", "-o", tmp_path, settings=[*SMALL, "count=2", "bad=[0, 1]"])
     assert done.exit_code == 2
-    assert "left out of train: 2 such as train/000: a bad ball" in done.output
+    assert "rejected from train: 2 objects, such as train/000: a bad ball" in done.output
     assert "none of the objects of 'balls' could be used" in done.output
 
 
@@ -76,7 +76,7 @@ def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, t
         (
             "cad-part",
             "count=1",
-            "'cad-part' is neither a folder nor a recipe nor shapes that pcsr knows: did you mean 'cad-parts'?",
+            "'cad-part' is neither a folder, nor a recipe, nor a shape source: did you mean 'cad-parts'?",
         ),
         ("balls", "cuont=1", "--set cuont=1: shapes 'balls' takes no 'cuont': did you mean 'count'?"),
         ("balls", "points=4", "--set points=4: data.points: it must be 16 or more, got 4"),
@@ -142,7 +142,7 @@ def test_info_verifies_every_file_if_it_is_asked_to(data, tmp_path):
     assert "its files were not verified" in data("info", tmp_path / "out").output
     whole = data("info", tmp_path / "out", "--verify")
     assert whole.exit_code == 0, whole.output
-    assert "all 3 files are as they were built" in whole.output
+    assert "all 3 files are intact" in whole.output
     for name in ("test", "validation"):
         shard = tmp_path / "out" / f"{name}-00000.safetensors"
         shard.write_bytes(shard.read_bytes()[:-1] + b"?")

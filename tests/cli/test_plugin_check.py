@@ -118,7 +118,10 @@ def test_options_are_read_as_a_recipe_reads_them(invoke):
     [
         (["lifd"], "there is no part and no plugin 'lifd': did you mean 'lift'?"),
         (["lift", "--kind", "fusions"], "--kind fusions: there is no such kind: did you mean 'fusion'?"),
-        (["lift", "--kind", "backbone"], "--kind backbone: 'lift' is no backbone, but encoder, fusion"),
+        (
+            ["lift", "--kind", "backbone"],
+            "--kind backbone: there is no backbone 'lift', only of the kind encoder, fusion",
+        ),
         (
             ["noisy", "--set", "chanels=3"],
             "--set chanels=3: encoder 'noisy' takes no 'chanels': did you mean 'channels'?",

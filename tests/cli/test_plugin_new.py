@@ -94,18 +94,18 @@ def test_whatever_name_is_taken_makes_a_module_that_compiles(name, kind):
 def test_a_bad_name_is_refused(new, name, tmp_path):
     result = new("fusion", "--", name)
     assert result.exit_code == 2
-    assert f"name '{name}': it must be letters and digits, with single hyphens between them" in result.stderr
+    assert f"name '{name}': it must consist of letters and digits with single hyphens between them" in result.stderr
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("none", "its module none or class None means something else"),
-        ("class", "its module class or class Class means something else"),
-        ("fusion", "its module fusion or class Fusion means something else"),
-        ("touches", "its module touches or class TouchBatch means something else"),
-        ("torch", "pip would put it in the place of torch, which is installed"),
+        ("none", "module none or class None has another meaning"),
+        ("class", "module class or class Class has another meaning"),
+        ("fusion", "module fusion or class Fusion has another meaning"),
+        ("register", "module register or class Register has another meaning"),
+        ("torch", "pip would replace torch, which is installed"),
         ("json", f"it would hide the module json in {json.__file__}"),
     ],
 )
@@ -118,7 +118,7 @@ def test_a_name_that_python_would_mix_up_is_refused(new, name, said, tmp_path):
 def test_a_name_that_is_taken_is_refused_for_its_own_kind_alone(new, tmp_path):
     result = new("fusion", "iterative")
     assert result.exit_code == 2
-    assert "name 'iterative': pcsr brings a fusion of this name already: choose another" in result.stderr
+    assert "name 'iterative': pcsr already registers a fusion of this name: choose another" in result.stderr
     assert new("encoder", "iterative").exit_code == 0
     assert [path.name for path in tmp_path.iterdir()] == ["iterative"]
 
@@ -129,7 +129,7 @@ def test_what_is_there_stays_as_it_is(new, there, tmp_path):
     path.write_text("mine") if there == "file" else path.mkdir()
     result = new("fusion", "my-fusion")
     assert result.exit_code == 2
-    assert "folder my-fusion is there already: choose another name, or remove it" in result.stderr
+    assert "folder my-fusion exists already: choose another name, or remove it" in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["my-fusion"]
     assert path.is_file() or not list(path.iterdir())
 
@@ -154,8 +154,8 @@ def test_a_folder_is_written_whole_or_not_at_all(new, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("ruamel-yaml", "in the place of ruamel.yaml, which is installed"),
-        ("PoT", "in the place of POT, which is installed"),
+        ("ruamel-yaml", "pip would replace ruamel.yaml, which is installed"),
+        ("PoT", "pip would replace POT, which is installed"),
         ("x" * 101, "is 101 characters long"),
     ],
 )

@@ -78,4 +78,4 @@ def test_commands_of_plugins_are_listed_and_those_that_ours_hide(tmp_path, monke
     monkeypatch.syspath_prepend(tmp_path)
     lines = invoke().output.splitlines()
     assert "command greet comes from lab" in lines
-    assert "command run comes from lab (not reachable: pcsr has a command of this name)" in lines
+    assert "command run comes from lab (not reachable: pcsr has a built-in command of this name)" in lines

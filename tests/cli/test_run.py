@@ -82,7 +82,7 @@ def test_a_recipe_of_joined_data_is_not_run_on_other_data(call, data):
     (path,) = Path("runs").glob("*/recipe.json")
     Path("again.yaml").write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     said = run(call, "again.yaml", code=UserError.exit_code)
-    assert "is on 2 data sets that were joined: name their folders, each with --data" in said
+    assert "uses 2 joined data sets: give the folder of each with --data" in said
     assert "weights: this run folder" in run(call, "again.yaml", "--data", data[0], "--data", data[1])
 
 

@@ -18,7 +18,7 @@ def split(count: int = 7) -> Split:
         points=list(truth[:, :10].clone()),
         touches=list(torch.randn(count, 3, 8, 3, generator=random)),
         spheres=[UnitSphere(np.zeros(3), 1.0)] * count,
-        felt=[(0.1, 0.2, 0.3)] * count,
+        covered=[(0.1, 0.2, 0.3)] * count,
         about={},
     )
 

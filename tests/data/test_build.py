@@ -235,7 +235,7 @@ def test_splits_are_built_one_by_one_into_one_manifest(recipe, registry, tmp_pat
 
 
 def test_touches_of_unequal_size_are_refused_by_name(recipe, registry, tmp_path):
-    with pytest.raises(UserError, match=r"train-00000.*a touch source must give all alike"):
+    with pytest.raises(UserError, match=r"train-00000.*a touch source must return touches of equal size"):
         build_split(Plan.of(recipe("count=4", "touch.uneven=true"), registry), "train", tmp_path, ALONE)
 
 

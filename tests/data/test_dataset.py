@@ -32,7 +32,7 @@ def test_objects_are_spread_over_the_whole_split(count, names):
 
 
 def test_coverage_is_the_mean_share_of_the_first_touches():
-    made = dataclasses.replace(split(2), felt=[(0.1, 0.2, 0.4), (0.3, 0.4, 0.5)])
+    made = dataclasses.replace(split(2), covered=[(0.1, 0.2, 0.4), (0.3, 0.4, 0.5)])
     assert [made.coverage(touches) for touches in range(4)] == pytest.approx([0, 0.2, 0.3, 0.45])
 
 
@@ -42,7 +42,7 @@ def test_splits_are_joined_in_their_order_with_as_many_touches_as_all_have():
     made = Split.joined([one, named(3, "b", touches=few)])
     assert made.names == ["a0", "a1", "b0", "b1", "b2"]
     assert {touches.shape for touches in made.touches} == {(1, 8, 3)}
-    assert {len(shares) for shares in made.felt} == {1}
+    assert {len(shares) for shares in made.covered} == {1}
     assert torch.equal(made.points[3], split(3).points[1])
     assert made.about == {"rejected": {"1: a9": "it is flat"}}
     assert Split.joined([one]) is one

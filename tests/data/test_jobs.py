@@ -45,5 +45,5 @@ def test_a_plugin_that_is_edited_while_it_is_used_elsewhere_is_not_mixed_in(reci
         file.parent.mkdir()
         file.write_text(world.read_text() + end)
     assert len(list(results(dataclasses.replace(plan, files=(same,)), ["train/000"], pool))) == 1
-    with pytest.raises(RunError, match=r"the code of world\.py is another here than where the building began"):
+    with pytest.raises(RunError, match=r"the code of world\.py differs between the processes of one build"):
         list(results(dataclasses.replace(plan, files=(edited,)), ["train/000"], pool))

@@ -8,7 +8,7 @@ import torch
 
 from pcsr import UserError
 from pcsr.data.dataset import Split
-from pcsr.data.sample import Rejected, Sample
+from pcsr.data.sample import Rejection, Sample
 from pcsr.data.shards import (
     MANIFEST,
     read_card,
@@ -70,7 +70,7 @@ def manifest(folder, shards, **changes):
 
 def test_objects_come_back_as_they_were(tmp_path):
     made = [sample("a", seed=1), sample("b", seed=2), sample("c", seed=3)]
-    write(tmp_path, [("a", made[0]), ("bad", Rejected("bad: no")), ("b", made[1])])
+    write(tmp_path, [("a", made[0]), ("bad", Rejection("bad: no")), ("b", made[1])])
     write(tmp_path, [("c", made[2])], number=1)
     manifest(tmp_path, [0, 1])
     split = Split.load(tmp_path, "train")
@@ -86,7 +86,7 @@ def test_objects_come_back_as_they_were(tmp_path):
 
 
 def test_a_shard_may_hold_nothing_but_reasons(tmp_path):
-    write(tmp_path, [("a", Rejected("a: no", fault=True)), ("b", Rejected("b: no"))])
+    write(tmp_path, [("a", Rejection("a: no", fault=True)), ("b", Rejection("b: no"))])
     card = read_card(shard_path(tmp_path, "train", 0))
     assert (card.names, card.faults, len(card.rejected)) == ((), 1, 2)
     assert read_clouds(shard_path(tmp_path, "train", 0))["truth"].numel() == 0
@@ -102,7 +102,7 @@ def test_objects_without_touches_have_none(tmp_path):
 
 def test_the_same_objects_give_the_same_bytes(tmp_path):
     for name in ("one", "two"):
-        write(tmp_path / name, [("a", sample("a")), ("bad", Rejected("no"))])
+        write(tmp_path / name, [("a", sample("a")), ("bad", Rejection("no"))])
     one, two = (shard_path(tmp_path / name, "train", 0).read_bytes() for name in ("one", "two"))
     assert one == two
 
@@ -170,5 +170,5 @@ def test_a_manifest_that_is_none_is_named(tmp_path, text):
 
 def test_a_manifest_of_a_later_format_is_named(tmp_path):
     (tmp_path / MANIFEST).write_text(json.dumps({"format": 99}))
-    with pytest.raises(UserError, match="has format 99, this version of pcsr reads 1: build the data again"):
+    with pytest.raises(UserError, match="has format 99, and this version of pcsr reads 1: build the data again"):
         read_manifest(tmp_path)

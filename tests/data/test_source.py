@@ -5,13 +5,13 @@ from pathlib import Path
 from rich.progress import Progress
 
 from pcsr.data import source as module
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 
 
 def test_reading_much_data_is_shown(monkeypatch):
-    built = Built.read([Path(__file__).with_name("version_0_1")])
-    for moment, described in ((module.MOMENT, []), (0, ["checking the train data"])):
-        monkeypatch.setattr(module, "MOMENT", moment)
+    built = BuiltData.read([Path(__file__).with_name("version_0_1")])
+    for moment, described in ((module.QUIET_SIZE, []), (0, ["checking the train data"])):
+        monkeypatch.setattr(module, "QUIET_SIZE", moment)
         progress = Progress(disable=True)
         assert len(module._checked(built, "train", progress)) == 2
         assert [task.description for task in progress.tasks] == described

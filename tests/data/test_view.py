@@ -72,7 +72,7 @@ def test_a_thin_object_is_looked_at_more_closely():
 
 def test_an_object_too_thin_to_see_is_named():
     wire = trimesh.creation.cylinder(radius=1e-5, height=10, sections=8)
-    with pytest.raises(UserError, match=r"part-3: 1 cameras of 128 pixels a side see \d+ points of it, not 512"):
+    with pytest.raises(UserError, match=r"part-3: 1 cameras of 128 × 128 pixels see only \d+ of 512 points"):
         seen(wire, pixels=16)
 
 

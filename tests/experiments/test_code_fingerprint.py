@@ -177,7 +177,7 @@ def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a
     assert {name: data for name, data in contents(path).items() if name != "recipe.json"}.items() <= before.items()
     assert (path / "retraining" / "checkpoint.safetensors").exists()
     assert "weights: this run folder" in call(), "the old ones are there meanwhile"
-    call("--retrain")
+    assert "--retrain: training goes on after step 2, 1 epochs in all" in call("--retrain")
     assert len(steps) == 2, "what was done is not done again"
     assert {one.name for one in path.iterdir()} == set(before)
     after = load_file(path / "weights.safetensors")
@@ -253,7 +253,7 @@ def test_weights_that_did_not_note_their_code_are_not_taken_for_those_of_this_co
     trained.save_weights(path, pcsr.load(path, plugins=["mine.py"]).network, card, registry)
     path.parent.rename("runs/smoke-of-old")
     said = " ".join(call().split())
-    assert "runs/smoke-of-old was trained by a version of pcsr that did not note the code of" in said
+    assert "runs/smoke-of-old was trained by a version of pcsr that did not record the code of" in said
     assert "fusion 'mine' (mine.py): training again" in said
 
 

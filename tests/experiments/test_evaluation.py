@@ -146,7 +146,7 @@ def slowly_felt(truth, touches):
 def test_the_region_is_what_counts_as_felt(recipe, registry, split):
     """The truth, moved by less than would bring a point to another's: only what the first two touches felt returns."""
     clouds, expected, off = [], [], np.array([1e-4, 0, 0], np.float32)
-    for truth, touches, shares in zip(split.truth, split.touches, split.felt, strict=True):
+    for truth, touches, shares in zip(split.truth, split.touches, split.covered, strict=True):
         felt = slowly_felt(truth.numpy(), touches[:2].numpy())
         assert felt.mean() == shares[1]
         clouds += [truth.numpy(), truth.numpy() + off]

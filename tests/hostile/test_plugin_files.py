@@ -63,15 +63,15 @@ SPOILT = {
     "torch's default dtype": "import torch; torch.set_default_dtype(torch.float64)",
     "torch's default device": "import torch; torch.set_default_device('meta')",
     "torch's number of threads": "import torch; torch.set_num_threads(torch.get_num_threads() + 3)",
-    "torch's gradients": "import torch; torch.set_grad_enabled(False)",
-    "torch's deterministic algorithms": "import torch; torch.use_deterministic_algorithms(True)",
+    "whether torch computes gradients": "import torch; torch.set_grad_enabled(False)",
+    "whether torch uses deterministic algorithms": "import torch; torch.use_deterministic_algorithms(True)",
     "torch's precision of matrix products": "import torch; torch.set_float32_matmul_precision('medium')",
-    "numpy's handling of errors": "import numpy; numpy.seterr(all='raise')",
+    "numpy's error handling": "import numpy; numpy.seterr(all='raise')",
     "numpy's print options": "import numpy; numpy.set_printoptions(precision=1)",
     "the working directory": "import os; os.chdir('/')",
-    "variables of the environment for threads": "import os; os.environ['OMP_NUM_THREADS'] = '99'",
-    "handlers of signals": "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
-    "filters of warnings": "import warnings; warnings.simplefilter('ignore')",
+    "the environment variables of threads": "import os; os.environ['OMP_NUM_THREADS'] = '99'",
+    "signal handlers": "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
+    "warning filters": "import warnings; warnings.simplefilter('ignore')",
     "sys.path": "import sys; sys.path.clear()",
     "sys.stdin": "import sys; sys.stdin = None",
     "sys.stdout": "import sys; sys.stdout.close()",
@@ -120,15 +120,15 @@ def test_a_constructor_that_changes_something(write):
 @pytest.mark.parametrize(
     ("register", "said"),
     [
-        ("register.fusion(3, Mine)", "3 is no name for the fusion of"),
-        ("register.fusion('', Mine)", "'' is no name"),
-        ("register.fusion('my fusion', Mine)", "'my fusion' is no name"),
-        ("register.fusion('a\\nb', Mine)", "is no name"),
-        ("register.fusion('a' * 300, Mine)", "is no name for the fusion"),
+        ("register.fusion(3, Mine)", r"3 is no valid name for a part \(fusion of"),
+        ("register.fusion('', Mine)", "'' is no valid name"),
+        ("register.fusion('my fusion', Mine)", "'my fusion' is no valid name"),
+        ("register.fusion('a\\nb', Mine)", "is no valid name"),
+        ("register.fusion('a' * 300, Mine)", r"is no valid name for a part \(fusion"),
         ("register.fusion('mine', 3)", "fusion 'mine' of .* is 3: register its class"),
         ("register.fusion('mine', lambda: 3)", "fusion 'mine' of .* register its class"),
         ("register.fusion('mine', Mine(None))", "fusion 'mine' of .* register its class"),
-        ("register.fusion(['mine'], Mine)", "is no name"),
+        ("register.fusion(['mine'], Mine)", "is no valid name"),
     ],
 )
 def test_a_part_or_a_name_that_is_none(limited, write, tmp_path, register, said):
@@ -240,10 +240,10 @@ def test_a_check_that_runs_on_fails_and_the_others_go_on(tmp_path):
     assert done.returncode == 1, done.stderr
     slow, spoiler = done.stdout.split("encoder 'spoiler'")
     assert "FAILED  shapes: encoder 'slow': it did not end within 15 s" in slow
-    assert "it ended its process, with the exit code 7" in slow
+    assert "it ended its process with exit code 7" in slow
     assert "passed  gradients" in slow
     assert "2 failed" in slow
     assert "changed torch's default dtype to torch.float64" in spoiler
     assert done.stderr.strip() == (
-        "pcsr: error: encoder 'slow', encoder 'spoiler' failed: what to do stands beside each check that did"
+        "pcsr: error: encoder 'slow', encoder 'spoiler' failed: the line of each failed check says how to mend it"
     )

@@ -69,14 +69,16 @@ def test_a_closed_input_is_refused(sh):
     code, _, said = sh("pcsr upsample - -o out.ply --model midpoint <&-")
     assert code == 2
     assert said == [
-        "pcsr: error: -: standard input is closed: name a file, or let a command write into the pipe",
+        "pcsr: error: -: standard input is closed: name a file, or let another command write to the pipe",
     ]
 
 
 def test_a_cloud_for_a_closed_output_is_refused_before_the_work(sh):
     code, _, said = sh("pcsr upsample in.xyz -o - --model midpoint >&-")
     assert code == 2
-    assert said == ["pcsr: error: -o -: standard output is closed: name a file, or let a command read from the pipe"]
+    assert said == [
+        "pcsr: error: -o -: standard output is closed: name a file, or let another command read from the pipe"
+    ]
 
 
 def test_a_command_that_nobody_hears_does_its_work(folder):

@@ -172,7 +172,7 @@ def test_evaluate_says_what_it_leaves_out(outcomes):
     outcome = outcomes[tuple(WORK["evaluate"])]
     assert "hd-pugcn" in outcome["out"]
     assert "emd" not in outcome["out"].split()
-    said = "left out: emd of more than 1024 points needs pot, which is not installed: pip install 'pcsr[train]'"
+    said = "skipped: emd of more than 1024 points needs pot, which is not installed: pip install 'pcsr[train]'"
     assert said in outcome["err"]
 
 

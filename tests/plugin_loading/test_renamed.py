@@ -28,10 +28,10 @@ EXAMPLES = {
 def test_the_examples_of_0_1_fail_with_each_new_name(file, names):
     registry = load_plugins([OLD / file])
     (failure,) = registry.failures
-    assert "it was written for pcsr 0.1" in failure.said
+    assert "it was written for pcsr 0.1" in failure.message
     for name in names:
-        assert name in failure.said
-    assert failure.said in why(registry, str(OLD / file))
+        assert name in failure.message
+    assert failure.message in why(registry, str(OLD / file))
 
 
 def test_an_old_name_of_the_package_names_the_new_one():
@@ -87,5 +87,5 @@ def test_no_part_takes_the_old_name_of_another(tmp_path):
         "@pcsr.hookimpl\ndef pcsr_register(register): register.upsampler('fan', Fan)\n"
     )
     (failure,) = load_plugins([file]).failures
-    assert "had in pcsr 0.1" in failure.said
-    assert "rename it" in failure.said
+    assert "had in pcsr 0.1" in failure.message
+    assert "rename it" in failure.message

@@ -102,7 +102,7 @@ def test_a_part_that_cannot_be_loaded_is_a_mistake_at_its_use(write, registry):
 @pytest.mark.parametrize(
     ("touches", "said"),
     [
-        ("[5, 2]", "18: train.touches: the least, 5, is more than the most, 2: swap them"),
+        ("[5, 2]", "18: train.touches: the minimum, 5, is more than the maximum, 2: swap them"),
         (
             "[0, 1, 2]",
             "18: train.touches: it must be a whole number or a list of at most 2 items",
@@ -121,7 +121,7 @@ def test_a_touch_encoder_that_nobody_hears(write, registry):
         model: {encoder: net, touch_encoder: net, fusion: deaf, backbone: refine, upsampler: dense}
     """)
     assert lines(path, registry) == [
-        "recipe.yaml:2:38: fusion 'deaf' hears no touch features, so a touch_encoder would idle: remove it"
+        "recipe.yaml:2:38: fusion 'deaf' uses no touch features, so a touch_encoder has no effect: remove it"
     ]
 
 
@@ -142,8 +142,8 @@ def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry)
 def test_a_name_that_stands_in_a_list_twice(write, registry):
     text = "name: a\ntrain: {augment: [scale, jitter, scale]}\nevaluate: {metrics: [cd, cd], baselines: []}"
     assert lines(write(text, model=True), registry) == [
-        "recipe.yaml:2:34: train.augment: 'scale' is there already: remove one of the two",
-        "recipe.yaml:3:26: evaluate.metrics: 'cd' is there already: remove one of the two",
+        "recipe.yaml:2:34: train.augment: 'scale' is listed twice: remove one of the two",
+        "recipe.yaml:3:26: evaluate.metrics: 'cd' is listed twice: remove one of the two",
     ]
 
 
@@ -177,11 +177,12 @@ def test_what_could_not_be_read_is_one_mistake_beside_the_others(write, registry
         (
             "{rate: 3}",
             "17: patches.rate is 3, and no power of it is data.rate, 16: "
-            "applied again and again, the network never makes so many points",
+            "repeated passes of the network cannot reach that rate",
         ),
         (
             "{points: 4096}",
-            "19: patches.points: a patch of 4096 points has 16384 of the truth's, which are only 8192: make it smaller",
+            "19: patches.points: a patch of 4096 points covers 16384 points of the truth, which has only 8192: "
+            "lower it",
         ),
     ],
 )
@@ -195,4 +196,4 @@ def test_patches_that_the_data_has_not(write, registry, patches, said):
 def test_what_is_read_before_is_said_to_be(write, registry, key):
     write("name: one\nmodel: {encoder: net, fusion: blend, backbone: refine, upsampler: dense}", "one.yaml")
     said = lines(write(f"name: study\nrecipes: [{{use: one.yaml, {key}: x}}]"), registry)
-    assert any(f"'{key}' is read before this: write it at the top of the file" in line for line in said)
+    assert any(f"'{key}' is a key of the file: write it at the top level" in line for line in said)

@@ -31,7 +31,7 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
             r"recipe\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn: break the circle",
         ),
         ("extends: other.yaml", r"other\.yaml:1:10: 'recipe\.yaml' extends this recipe in turn"),
-        ("extends: [a, b]", r"recipe\.yaml:1:10: extends names one recipe file, got \['a', 'b'\]"),
+        ("extends: [a, b]", r"recipe\.yaml:1:10: extends must be one recipe file, got \['a', 'b'\]"),
     ],
 )
 def test_extends_that_leads_nowhere(write, text, said):
@@ -60,7 +60,7 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
         ("=3", "write --set dotted.key=value"),
         ("train..epochs=3", "write --set dotted.key=value"),
         ("train.epochs=[1", "expected ',' or ']'"),
-        ("extends=other.yaml", "extends is read before --set"),
+        ("extends=other.yaml", "extends cannot be set by an option"),
     ],
 )
 def test_a_set_that_cannot_be_read_is_kept_as_a_mistake(write, override, said):

@@ -11,7 +11,7 @@ from pcsr.recorded.manifest import (
     HeightEntry,
     MatrixPose,
     QuaternionPose,
-    Recorded,
+    RecordingManifest,
     check_entry,
     checked,
     inside,
@@ -30,14 +30,14 @@ def mistakes(model, value, place=""):
 
 @pytest.mark.parametrize(("name", "length"), UNITS.items())
 def test_units_are_names_or_lengths(name, length):
-    assert checked(Recorded, HEAD | {"unit": name}, "").unit == length
-    assert checked(Recorded, HEAD | {"unit": length}, "").unit == length
+    assert checked(RecordingManifest, HEAD | {"unit": name}, "").unit == length
+    assert checked(RecordingManifest, HEAD | {"unit": length}, "").unit == length
 
 
 def test_whole_numbers_are_lengths_too_and_text_and_truth_are_none():
-    assert checked(Recorded, HEAD | {"unit": 5}, "").unit == 5
+    assert checked(RecordingManifest, HEAD | {"unit": 5}, "").unit == 5
     for wrong in ("5", True, 0, -1, float("nan"), float("inf"), None, ["mm"]):
-        (line,) = mistakes(Recorded, HEAD | {"unit": wrong})
+        (line,) = mistakes(RecordingManifest, HEAD | {"unit": wrong})
         assert line.startswith("touches.json: unit: ")
 
 
@@ -71,13 +71,13 @@ def test_a_pose_is_what_its_key_says(pose, kind):
     ("pose", "line"),
     [
         (STILL | {"order": "xyz"}, "pose.order: it must be 'xyzw' or 'wxyz', got 'xyz'"),
-        (STILL | {"ordr": "xyz"}, "pose.ordr: no such key here: did you mean 'order'?"),
+        (STILL | {"ordr": "xyz"}, "pose.ordr: unknown key: did you mean 'order'?"),
         (STILL | {"quaternion": [0, 0, 1]}, "pose.quaternion: it must be a list of 4 items or more"),
         (STILL | {"quaternion": [0, 0, 0, "1"]}, "pose.quaternion.3: it must be a number, got '1'"),
         (STILL | {"translation": [0, 0, float("nan")]}, "pose.translation.2: it must be a finite number, got nan"),
-        (STILL | {"matrix": []}, "pose: a pose says one of matrix, quaternion and euler"),
-        ({}, "pose: a pose says one of matrix, quaternion and euler"),
-        ([1], "pose: a pose says one of matrix, quaternion and euler, got [1]"),
+        (STILL | {"matrix": []}, "pose: a pose has exactly one of the keys matrix, quaternion and euler"),
+        ({}, "pose: a pose has exactly one of the keys matrix, quaternion and euler"),
+        ([1], "pose: a pose has exactly one of the keys matrix, quaternion and euler, got [1]"),
         ({"matrix": [[1, 0, 0, 0]] * 3}, "pose.matrix: it must be a list of 4 items or more"),
         ({"matrix": [[1, 0, 0]] * 4}, "pose.matrix.0: it must be a list of 4 items or more"),
         ({"translation": [0, 0, 0], "euler": [1], "axes": "xY", "angle": "degrees"}, "pose.axes: it must be text that"),
@@ -91,27 +91,27 @@ def test_a_mistake_in_a_pose_is_named_with_its_keys(pose, line):
 
 
 def test_each_mistake_has_a_line():
-    lines = mistakes(Recorded, {"format": 1, "unit": "x", "frames": "sensor"})
+    lines = mistakes(RecordingManifest, {"format": 1, "unit": "x", "frames": "sensor"})
     assert lines == [
-        "touches.json: unit: no unit of that name: m, cm, mm, um, in, or a number: its length in mm, got 'x'",
+        "touches.json: unit: unknown unit: use m, cm, mm, um, in, or the unit's length in mm as a number, got 'x'",
         "touches.json: object_unit is missing: add it",
         "touches.json: frame is missing: add it",
         "touches.json: sensor is missing: add it",
         "touches.json: touches is missing: add it",
-        "touches.json: frames: no such key here: did you mean 'frame'?",
+        "touches.json: frames: unknown key: did you mean 'frame'?",
     ]
 
 
 def test_keys_of_a_camera_are_suggested_where_it_has_a_mistake():
     entry = {"depth": "a", "unit": "m", "intrinsics": CAMERA | {"fz": 1}, "face": 22, "contact_above": 0.1}
     assert mistakes(DepthEntry, entry, "touches.0") == [
-        "touches.json: touches.0.intrinsics.fz: no such key here: known: cx, cy, fx, fy"
+        "touches.json: touches.0.intrinsics.fz: unknown key: known: cx, cy, fx, fy"
     ]
 
 
 @pytest.mark.parametrize("value", [None, "a.ply", [], {}, {"name": "x"}, {"cloud": "a", "height": "b"}])
 def test_an_entry_of_no_kind_or_of_two_is_refused(value):
-    with pytest.raises(UserError, match=r"touches.json: touches.3: it says (none|cloud and height): it needs one of"):
+    with pytest.raises(UserError, match=r"touches.json: touches.3: it has (none|cloud and height) of the keys"):
         check_entry(value, "touches.3")
 
 
@@ -119,7 +119,7 @@ def test_only_a_finger_may_have_felt_nothing_and_holds_no_fingers():
     assert check_entry({"cloud": None}, "touches.0.fingers.1", in_grasp=True).cloud is None
     with pytest.raises(UserError, match=r"touches\.0\.cloud: only a finger"):
         check_entry({"cloud": None}, "touches.0")
-    with pytest.raises(UserError, match="it needs one of cloud, height, depth"):
+    with pytest.raises(UserError, match="it has none of the keys cloud, height, depth"):
         check_entry({"fingers": [{}]}, "touches.0.fingers.1", in_grasp=True)
 
 

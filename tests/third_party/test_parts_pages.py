@@ -10,7 +10,7 @@ from pcsr import contracts
 from pcsr.cli.plugin_new import distribution
 from pcsr.clouds.touch import Touch
 from pcsr.plugins.loading import load_plugins
-from pcsr.plugins.registry import KINDS, OURS
+from pcsr.plugins.registry import KINDS
 from pcsr.testing.construction import TRAITS
 
 DOCS = Path(__file__).parents[2] / "docs" / "parts"
@@ -60,7 +60,7 @@ def test_the_traits_are_those_that_the_kind_can_claim(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_part_that_comes_with_pcsr_is_listed(kind):
-    ours = [entry.name for entry in load_plugins() if (entry.kind, entry.owner) == (kind, OURS)]
+    ours = [entry.name for entry in load_plugins() if (entry.kind, entry.owner) == (kind, FIRST_PARTY)]
     assert rows(section(PAGES[kind], "Parts of pcsr")) == ours
 
 

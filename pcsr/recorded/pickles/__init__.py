@@ -1,1 +1,1 @@
-"""Pickled arrays of recordings, read without running anything that they name."""
+"""Safe reading of pickled arrays in recordings: nothing that a pickle names is imported or called."""

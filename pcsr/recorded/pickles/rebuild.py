@@ -1,4 +1,4 @@
-"""Data from the notes that a pickle's stand-ins took: plain containers and numeric arrays, and nothing else."""
+"""Construction of plain containers and numeric arrays from the calls that a pickle's stand-ins recorded."""
 
 import math
 import re
@@ -10,18 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 DTYPE = re.compile(r"(b1|[iufc]\d{1,2}|[SU]\d{1,9}|O8?|\?)")
-"""The types of arrays that are built. No records and no dates: nobody records touches in them."""
+"""Pattern of the dtypes of arrays that are built. Records and dates are refused: recordings do not contain them."""
 ENCODINGS = ("latin1", "latin-1", "iso-8859-1")
+"""Names of the encoding in which old pickles write bytes."""
 
 
 class Inert:
-    """Stands where a pickle held an object of a class that was named harmless; it holds nothing."""
+    """Empty placeholder for an object of a class that the caller declared harmless."""
 
     def __init__(self, name: str) -> None:
-        """Remember what it stands for.
+        """Create a placeholder.
 
         Args:
-            name: of the class.
+            name: full name of the class.
         """
         self.name = name
 
@@ -30,7 +31,7 @@ class Inert:
 
 
 class StandIn:
-    """What a pickle gets for a name. Calling it makes a note of the call, and nothing else."""
+    """Replacement for a class or function that a pickle names. Calling it only records the call."""
 
     name: ClassVar[str]
     inert: ClassVar[bool]
@@ -39,13 +40,13 @@ class StandIn:
     entries: list[tuple[Any, Any]]
 
     def __new__(cls, *args: Any, **kwargs: Any) -> "StandIn":
-        """Note a call.
+        """Record a call.
 
         Raises:
-            ValueError: with keywords, which nothing that we know is called with.
+            ValueError: the call has keyword arguments, which no allowed class or function takes.
         """
         if kwargs and not cls.inert:
-            raise ValueError(f"{cls.name} is called with keywords")
+            raise ValueError(f"it calls {cls.name} with keyword arguments")
         self = object.__new__(cls)
         self.args, self.state, self.entries = args, None, []
         return self
@@ -60,33 +61,33 @@ class StandIn:
         self.entries.append((key, value))
 
     def append(self, value: Any) -> None:
-        """Note an item."""
+        """Record an item."""
         self.entries.append((None, value))
 
 
 class Builder:
-    """Turns the notes into data. Each object is built once, however often it is referred to."""
+    """Builder of data from stand-ins. Each object is built once, however often it is referenced."""
 
     def __init__(self) -> None:
         self.built: dict[int, Any] = {}
-        self.under_way: set[int] = set()
+        self.in_progress: set[int] = set()
 
     def build(self, node: Any) -> Any:
-        """The data that a node of the pickle stands for.
+        """Build the data of a node of the pickle.
 
         Raises:
-            ValueError: it stands for none.
+            ValueError: the node is not plain data.
         """
         if node is None or isinstance(node, bool | int | float | complex | str | bytes | bytearray):
             return node
         if id(node) in self.built:
             return self.built[id(node)]
-        if id(node) in self.under_way:
+        if id(node) in self.in_progress:
             raise ValueError("a container holds itself")
-        self.under_way.add(id(node))
-        self.built[id(node)] = made = self._make(node)
-        self.under_way.discard(id(node))
-        return made
+        self.in_progress.add(id(node))
+        self.built[id(node)] = data = self._make(node)
+        self.in_progress.discard(id(node))
+        return data
 
     def _make(self, node: Any) -> Any:
         if isinstance(node, dict):
@@ -102,12 +103,12 @@ class Builder:
         if isinstance(node, type) or maker is None:
             raise ValueError(f"it holds {named.name} itself, not data")
         if node.entries and named.name != "collections.OrderedDict":
-            raise ValueError(f"{named.name} is filled like a container")
+            raise ValueError(f"it adds items to {named.name}, which is no container")
         return maker(self, node)
 
 
 def _encoded(builder: Builder, call: StandIn) -> bytes:
-    """How protocols before 3 write bytes."""
+    """Build bytes from their form in pickle protocols before 3: text, encoded as latin1."""
     text, *rest = builder.build(call.args)
     if not isinstance(text, str) or not rest or rest[0] not in ENCODINGS:
         raise ValueError(f"text in another encoding than latin1: {short(rest)}")
@@ -118,11 +119,11 @@ def _container(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
     def make(builder: Builder, call: StandIn) -> Any:
         args = builder.build(call.args)
         if len(args) > 1 or not all(isinstance(one, list | tuple | dict | set | frozenset) for one in args):
-            raise ValueError(f"{call.name} of something that is no container")
-        made = kind(*args)
+            raise ValueError(f"it calls {call.name} with an argument that is no container")
+        container = kind(*args)
         for key, value in call.entries:
-            made[builder.build(key)] = builder.build(value)
-        return made
+            container[builder.build(key)] = builder.build(value)
+        return container
 
     return make
 
@@ -130,20 +131,20 @@ def _container(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
 def _plain(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
     def make(builder: Builder, call: StandIn) -> Any:
         args = builder.build(call.args)
-        # A whole number would be a size to bytes, and the text of a container may be endless.
+        # `bytes` of an integer would allocate that many, and `str` of a container may be of any length.
         allowed = (str, bytes) if kind in (bytes, bytearray) else (int, float, str, bytes)
         if not all(isinstance(one, allowed) for one in args):
-            raise ValueError(f"{call.name} of something that is no plain value")
+            raise ValueError(f"it calls {call.name} with an argument that is no plain value")
         return kind(*args)
 
     return make
 
 
-def _dtype(note: Any) -> np.dtype[Any]:
-    """The type of an array's items; made of its name and byte order alone."""
-    if not isinstance(note, StandIn) or note.name != "numpy.dtype" or not note.args:
+def _dtype(call: Any) -> np.dtype[Any]:
+    """Build a dtype from its name and byte order; anything else in its state is refused."""
+    if not isinstance(call, StandIn) or call.name != "numpy.dtype" or not call.args:
         raise ValueError("an array without a dtype")
-    name, state = note.args[0], note.state
+    name, state = call.args[0], call.state
     if not isinstance(name, str) or not DTYPE.fullmatch(name):
         raise ValueError(f"an array of dtype {short(name)}")
     dtype = np.dtype(name)
@@ -158,7 +159,17 @@ def _dtype(note: Any) -> np.dtype[Any]:
 
 
 def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndarray:
-    """An array of `data`, which must be exactly as much as `shape` takes."""
+    """Build an array from its data.
+
+    Args:
+        dtype: type of the items.
+        shape: shape of the array.
+        data: bytes of the items, or, for the dtype object, a list of them.
+        order: "C" or "F".
+
+    Raises:
+        ValueError: the shape is invalid, or the data does not have exactly the array's size.
+    """
     if not isinstance(shape, tuple) or not all(isinstance(n, int) and n >= 0 for n in shape):
         raise ValueError(f"an array of shape {short(shape)}")
     count = math.prod(shape)
@@ -169,7 +180,7 @@ def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndar
         for index, one in enumerate(data):
             objects[index] = one
         return objects.reshape(shape, order=order)
-    if isinstance(data, str):  # Python 2 had no bytes
+    if isinstance(data, str):  # a pickle of Python 2
         data = data.encode("latin1")
     if not isinstance(data, bytes | bytearray) or len(data) != count * dtype.itemsize:
         raise ValueError(f"an array of shape {shape} and dtype {dtype.str} without its {count * dtype.itemsize} bytes")
@@ -179,7 +190,7 @@ def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndar
         return np.not_equal(np.frombuffer(data, np.uint8), 0).reshape(shape, order=order)
     flat = np.frombuffer(data, dtype).copy()
     if dtype.kind == "U" and flat.view(np.dtype("u4").newbyteorder(dtype.byteorder)).max() > 0x10FFFF:
-        raise ValueError("an array of text that is none")
+        raise ValueError("an array of text with invalid characters")
     return flat.reshape(shape, order=order)
 
 
@@ -222,4 +233,4 @@ MAKERS: dict[str, Callable[[Builder, StandIn], Any] | None] = {
     **{f"builtins.{kind.__name__}": _container(kind) for kind in _KINDS},
     **{f"builtins.{kind.__name__}": _plain(kind) for kind in (bytes, bytearray, str, int, float, complex, bool)},
 }
-"""All that a pickle may name, and what makes data of its notes; None: a name that is data of nothing by itself."""
+"""Names that a pickle may contain, each with the function that builds its data. None: the name alone is no data."""

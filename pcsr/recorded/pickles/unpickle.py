@@ -1,9 +1,8 @@
-"""Reading the pickles that others store data in, without running what they ask for.
+"""Reading of pickles without running the code that they name.
 
-A pickle is a program: it names callables and says what to call them with. Here no name stands for the real
-thing. Each becomes a stand-in that only writes down how it was called, and once the program has ended, plain
-containers and numeric arrays are built from those notes. Whatever else it names is refused before anything
-is called.
+A pickle is a program: it names callables, and calls them. This interpreter replaces each callable by a stand-in that
+only records its calls. Afterwards plain containers and numeric arrays are built from the recorded calls. A pickle that
+names anything else is refused.
 """
 
 import math
@@ -24,34 +23,34 @@ from pcsr.recorded.pickles.rebuild import MAKERS, Builder, Inert, StandIn, array
 __all__ = ["Inert", "load_numpy", "load_pickle"]
 
 DEEPEST = 32
-"""Tuples may be nested so far. Hashing a deeper one could overflow the stack of the interpreter itself."""
+"""Greatest depth of nested tuples. Hashing deeper ones could overflow Python's stack."""
 LARGEST_PICKLE = 1 << 28
-"""Bytes of the largest pickle: 256 MiB."""
-STEPS = 10**6
-"""Steps of the longest pickle, each of which may make an object; arrays are one step, whatever their size."""
-LARGEST = 10**7
-"""So many items may a tuple hold with all that is nested in it, each as often as it is there: hashing visits all."""
+"""Greatest size of a pickle in bytes: 256 MiB."""
+MOST_STEPS = 10**6
+"""Greatest number of steps of a pickle. Each may create an object; an array is one step, whatever its size."""
+LARGEST_TUPLE = 10**7
+"""Greatest number of items of a tuple, including those of nested tuples at each occurrence, as hashing visits them."""
 
 
 class _Counted(dict[int, Callable[..., None]]):
-    """What each code of a pickle does, as long as there are not too many of them."""
+    """Handlers of a pickle's opcodes, which refuse a pickle of more than `MOST_STEPS` steps."""
 
-    left = STEPS
+    left = MOST_STEPS
 
     def __getitem__(self, code: int) -> Callable[..., None]:
         self.left -= 1
         if self.left < 0:
-            raise ValueError(f"it has more than {STEPS} steps, and no data file needs as many")
+            raise ValueError(f"it has more than {MOST_STEPS} steps, which no data file needs")
         return super().__getitem__(code)
 
 
 class _Reader(pickle._Unpickler):
-    """The pure Python unpickler, as the other one overflows the stack and reserves memory that no file fills."""
+    """Restricted unpickler, based on Python's own; the one in C can overflow the stack and allocate any memory."""
 
     dispatch: ClassVar[dict[int, Callable[..., None]]] = {
         code: load
         for code, load in pickle._Unpickler.dispatch.items()
-        if code not in (pickle.EXT1[0], pickle.EXT2[0], pickle.EXT4[0])  # their cache bypasses find_class
+        if code not in (pickle.EXT1[0], pickle.EXT2[0], pickle.EXT4[0])  # cached extensions bypass `find_class`
     }
 
     def __init__(self, data: bytes, path: Path, inert: Collection[str]) -> None:
@@ -67,36 +66,40 @@ class _Reader(pickle._Unpickler):
         if not inert and full not in MAKERS:
             raise UserError(
                 f"{self.path} asks to run `{module}.{name}`, which a data file has no need for: it was not run; "
-                f"ask whoever made the file for plain arrays"
+                f"ask the author of the file for plain arrays"
             )
         if full not in self.names:
             self.names[full] = type("_Named", (StandIn,), {"name": full, "inert": inert})
         return self.names[full]
 
-    def weigh(self, made: Any) -> None:
-        """Refuse tuples that nest too deeply or are too large, as they could not be hashed."""
-        inner = [self.nested.get(id(one), (1, len(one), one)) for one in made if isinstance(one, tuple)]
-        depth = 1 + max((deep for deep, _, _ in inner), default=0)
-        size = len(made) + sum(large for _, large, _ in inner)
-        if depth > DEEPEST or size > LARGEST:
+    def check_tuple(self, value: Any) -> None:
+        """Check that a tuple is neither too deep nor too large to be hashed.
+
+        Raises:
+            UserError: it is nested deeper than `DEEPEST`, or has more than `LARGEST_TUPLE` items.
+        """
+        inner = [self.nested.get(id(one), (1, len(one), one)) for one in value if isinstance(one, tuple)]
+        depth = 1 + max((inner_depth for inner_depth, _, _ in inner), default=0)
+        size = len(value) + sum(inner_size for _, inner_size, _ in inner)
+        if depth > DEEPEST or size > LARGEST_TUPLE:
             raise UserError(
                 f"{self.path} nests tuples {depth} deep with {size} items in all: no data file needs more than "
-                f"{DEEPEST} and {LARGEST}"
+                f"{DEEPEST} and {LARGEST_TUPLE}"
             )
         if depth > 1:
-            self.nested[id(made)] = (depth, size, made)  # kept alive, so that its id stays its own
+            self.nested[id(value)] = (depth, size, value)  # the reference keeps the id from being reused
 
 
-def _weighed(load: Callable[..., None]) -> Callable[[_Reader], None]:
-    def weighed(reader: _Reader) -> None:
+def _checked(load: Callable[..., None]) -> Callable[[_Reader], None]:
+    def load_and_check(reader: _Reader) -> None:
         load(reader)
-        reader.weigh(reader.stack[-1])  # type: ignore[attr-defined]
+        reader.check_tuple(reader.stack[-1])  # type: ignore[attr-defined]
 
-    return weighed
+    return load_and_check
 
 
 for _code in (pickle.TUPLE, pickle.TUPLE1, pickle.TUPLE2, pickle.TUPLE3):
-    _Reader.dispatch[_code[0]] = _weighed(_Reader.dispatch[_code[0]])
+    _Reader.dispatch[_code[0]] = _checked(_Reader.dispatch[_code[0]])
 
 
 def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
@@ -104,7 +107,7 @@ def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
         return Builder().build(_Reader(data, path, inert).load())
     except UserError:
         raise
-    except Exception as error:  # a malformed program trips over anything, memory and recursion included
+    except Exception as error:  # a malformed pickle may raise any error, MemoryError and RecursionError included
         reason = "it ends too early" if isinstance(error, EOFError) else str(error) or type(error).__name__
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else textwrap.shorten(reason, 200)
         raise UserError(
@@ -113,27 +116,30 @@ def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
 
 
 def load_pickle(path: Path, inert: Collection[str] = ()) -> Any:
-    """The plain data of a pickle: containers, numbers, text, and numeric arrays, whatever Python wrote it.
+    """Read the plain data of a pickle, of any Python version: containers, numbers, text and numeric arrays.
 
     Args:
-        path: the file.
-        inert: classes, or modules with all that is in them, whose objects become an empty `Inert`.
+        path: file of the pickle.
+        inert: full names of classes, or of modules for all their classes, whose objects become an empty `Inert`.
 
     Raises:
-        UserError: the file is not there, is damaged, or asks for anything but data.
+        UserError: the file does not exist, is damaged, or contains anything but plain data.
     """
     return _unpickled(read_bytes(path, most=LARGEST_PICKLE), path, inert)
 
 
 def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
-    """The array of an .npy file, of objects too; an array of no dimension that holds an object gives the object.
+    """Read the array of an .npy file, which may have the dtype object.
 
     Args:
-        path: the file.
-        inert: as for `load_pickle`.
+        path: file of the array.
+        inert: full names of classes, or of modules for all their classes, whose objects become an empty `Inert`.
+
+    Returns:
+        The array, or the object itself if the file holds an object array without dimensions.
 
     Raises:
-        UserError: the file is not there, is damaged, holds records, or asks for anything but data.
+        UserError: the file does not exist, is damaged, holds records, or contains anything but plain data.
     """
     file = BytesIO(read_bytes(path))
     try:
@@ -146,11 +152,11 @@ def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
         except (ValueError, MemoryError) as error:
             raise UserError(f"{path} is cut off or damaged: it holds {error}; get the file again") from error
     if dtype != np.dtype(object):
-        raise UserError(f"{path} holds items of dtype {dtype}: arrays of numbers, text or objects are read")
+        raise UserError(f"{path} holds items of dtype {dtype}: only arrays of numbers, text or objects are read")
     data = file.read(LARGEST_PICKLE + 1)
     if len(data) > LARGEST_PICKLE:
-        raise UserError(f"{path} holds objects in more than {LARGEST_PICKLE} bytes: ask for plain arrays")
+        raise UserError(f"{path} holds objects in more than {LARGEST_PICKLE} bytes: ask its author for plain arrays")
     array = _unpickled(data, path, inert)
     if not isinstance(array, np.ndarray) or array.dtype != dtype or array.size != math.prod(shape):
-        raise UserError(f"{path} is damaged: it says that it holds objects of shape {shape}, and does not")
+        raise UserError(f"{path} is damaged: it does not hold objects of shape {shape}, as its header says")
     return array.reshape(shape).item() if shape == () else array.reshape(shape)

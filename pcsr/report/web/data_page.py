@@ -75,11 +75,11 @@ def _row(split: Split, k: int) -> dict[str, Any]:
     """Row of views: the truth; the sparse cloud (blue) with the touches (red); the first touch alone."""
     truth, points, touches = (clouds[k].numpy() for clouds in (split.truth, split.points, split.touches))
     touched = touches.reshape(-1, 3)
+    covered = split.covered[k][-1] if len(touches) else 0
     shown = [
         view(f"(a) truth, {len(truth)} points", plain(truth, "truth", 1.6)),
         view(
-            f"(b) {len(points)} points and {len(touches)} touches, "
-            f"on {split.felt[k][-1] if len(touches) else 0:.1%} of the true points",
+            f"(b) {len(points)} points, {len(touches)} touches, {covered:.1%} covered",
             plain(points, "input", 2.5),
             *([plain(touched, "touch", 2.0)] if len(touched) else []),
         ),
