@@ -1,6 +1,5 @@
 """pcsr from Python: load a model, upsample clouds of any kind and size."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,24 +9,22 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from pcsr import weights
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
-from pcsr.errors import UserError, did_you_mean
-from pcsr.extras import imported
+from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
-from pcsr.mistakes import shown
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
+from pcsr.weights import DEFAULT
+from pcsr.weights.find import find
 from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
 """The name of what needs no weights."""
-WEIGHTS = "weights.safetensors"
 FAR = 1.0
 """A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
 RATES = (1.1, 64.0)
@@ -150,10 +147,12 @@ def load(
         UserError: there is no such model, its file is damaged, or a part that it needs is not installed.
     """
     files = tuple(Path(file) for file in plugins)
-    name = weights.DEFAULT if model is None else str(model)
+    name = DEFAULT if model is None else str(model)
+    if not name:
+        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
     if name == INTERPOLATION:
         return Model(name, None, None, {}, None, files)
-    path = _found(name)
+    path = find(name, paths_first=True, hub=True, others=[INTERPOLATION])
     registry = load_plugins(files)
     warn_of_failures(registry)
     network, recipe, card = load_weights(path, registry)
@@ -162,37 +161,6 @@ def load(
     except (RuntimeError, AssertionError) as error:
         raise UserError(f"device '{device}' cannot be used: {str(error).splitlines()[0]}") from error
     return Model(name, network, recipe, card, path, files)
-
-
-def _found(name: str) -> Path:
-    """The weights file that a person means."""
-    if not name:
-        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
-    # These take a user that isn't there, and a name that no file can have, for a file that isn't there.
-    path = Path(os.path.expanduser(name))
-    if os.path.isdir(path):
-        path = path / WEIGHTS
-        if not path.is_file():
-            raise UserError(f"the folder {name} holds no {WEIGHTS}: give the folder of a finished run, or a file")
-        return path
-    if os.path.isfile(path):
-        return path
-    if name in weights.names():
-        return weights.shipped(name)
-    if name.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
-        return _from_hub(name)
-    known = [INTERPOLATION, *weights.names()]
-    raise UserError(
-        f"there is no model {shown(name)}, neither a file nor a folder nor a name: {did_you_mean(name, known)}"
-    )
-
-
-def _from_hub(name: str) -> Path:
-    hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
-    try:
-        return Path(hub.hf_hub_download(name, WEIGHTS))
-    except Exception as error:  # whatever the network and the hub may say
-        raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
 
 
 def _count(n: int, rate: float | int | None, count: int | None) -> int:

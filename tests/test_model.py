@@ -156,9 +156,9 @@ def test_models_are_found_by_name_folder_and_file(tmp_path, default):
 @pytest.mark.parametrize(
     ("model", "said"),
     [
-        ("taspr", "there is no model 'taspr'.*did you mean 'tapsr'"),
+        ("taspr", "there are no weights 'taspr'.*did you mean 'tapsr'"),
         ("someone/weights", r"someone/weights.*pip install 'pcsr\[hub\]'|cannot be fetched"),
-        ("no/such/file.safetensors", "there is no model"),
+        ("no/such/file.safetensors", "there are no weights"),
     ],
 )
 def test_a_model_that_is_not_there_is_named(model, said):

@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
 from torch import Tensor
 
 from pcsr.data.plan import FORMAT
 from pcsr.data.sample import Rejected, Sample
 from pcsr.data.schema import Card, Formatted, Manifest, Settings, parsed, shard_name
 from pcsr.errors import UserError
-from pcsr.files import save_tensors, sha256, write_text
+from pcsr.files import identity, save_tensors, sha256, write_text
 from pcsr.geometry.frames import UnitSphere
+from pcsr.weights.file import card_text, open_tensors
 
 SHARD = 64
 """Objects in a file: about 9 MB at the paper's size, and at most so much work is lost by a kill."""
@@ -84,12 +85,8 @@ def read_card(path: Path) -> Card:
     """
     try:
         _regular(path)
-        with path.open("rb") as file:
-            header = int.from_bytes(file.read(8), "little")
-        if header > LONGEST_HEADER:
-            raise ValueError(f"its header has {header} bytes, a shard's has {LONGEST_HEADER} at most")
-        with safe_open(path, "pt") as file:
-            card = parsed(Card, (file.metadata() or {})["pcsr"])
+        with open_tensors(path, LONGEST_HEADER) as file:
+            card = parsed(Card, card_text(file))
             _check_clouds(file, card)
     except KeyError as error:
         raise UserError(f"{path} is not a shard of pcsr data (it has no {error}): {AGAIN}") from error
@@ -133,18 +130,17 @@ def _check_clouds(file: Any, card: Card) -> None:
 
 def read_clouds(path: Path) -> dict[str, Tensor]:
     """The clouds of a shard, mapped into memory: what is not looked at is not read."""
-    with safe_open(path, "pt") as file:
+    with open_tensors(path) as file:
         return {name: file.get_tensor(name) for name in CLOUDS}
 
 
 def shard_sum(path: Path) -> str:
     """SHA-256 of a file; in one process it is read once, unless it changes."""
-    about = path.stat()
-    return _sum(path.resolve(), about.st_ino, about.st_size, about.st_mtime_ns)
+    return _sum(path.resolve(), identity(path))
 
 
 @functools.cache
-def _sum(path: Path, _inode: int, _size: int, _modified: int) -> str:
+def _sum(path: Path, _identity: tuple[int, ...] | None) -> str:
     return sha256(path)
 
 

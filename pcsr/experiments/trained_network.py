@@ -13,16 +13,18 @@ from pcsr.data.built import Built
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
+from pcsr.experiments.finished_runs import Earlier, of_other_code, of_recipe
 from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.train import CHECKPOINT, HISTORY, train
 from pcsr.files import write_text
-from pcsr.network.load import load_weights, save_weights
+from pcsr.network.card import other_code
+from pcsr.network.load import load_weights
 from pcsr.network.network import Network
-from pcsr.network.origins import other_code
+from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
+from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -60,7 +62,9 @@ def trained(
         raise UserError(f"recipe '{recipe.name}' names weights, so that nothing is trained: leave out --retrain")
     if named is not None:
         source = f"{named.path.stem} of recipe '{named.recipe.name}', sha256 {named.sha256[:12]}"
-        return _loaded(named.path, source, registry, progress)
+        loaded = _loaded(named.path, source, registry, progress)
+        named.check_unchanged()
+        return loaded
     exact = None if place.retrain else of_recipe(recipe, fingerprint, place.runs, folder)
     if exact is not None:
         return _loaded(*exact, registry, progress)

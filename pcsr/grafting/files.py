@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
 from pcsr.errors import UserError
@@ -17,6 +16,8 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.joint import Joint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
 from pcsr.plugins.registry import Registry
+from pcsr.weights.file import NONSENSE, card_text, open_tensors, parse_card
+from pcsr.weights.fit import fill
 
 WIDEST = 10**6
 """Channels of the widest layer that touch may enter at."""
@@ -56,21 +57,7 @@ def load_graft(path: Path | str, network: nn.Module, registry: Registry | None =
     tensors, joint, fusion, touch_encoder = _read(path)
     find_layer(network, joint.at)
     grafted = assemble(network, joint, fusion, touch_encoder, registry)
-    wanted = grafted.state_dict()
-    wrong = [f"the file has no {name}" for name in wanted if name not in tensors]
-    wrong += [f"the network has no {name}" for name in tensors if name not in wanted]
-    wrong += [
-        f"{name} is {tuple(tensors[name].shape)} in the file, {tuple(tensor.shape)} in the network"
-        for name, tensor in wanted.items()
-        if name in tensors and tensors[name].shape != tensor.shape
-    ]
-    if wrong:
-        more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        raise UserError(
-            f"{path} was saved from another network than this {type(network).__name__}: {'; '.join(wrong[:3])}{more}. "
-            f"Build the network as it was when it was saved"
-        )
-    grafted.load_state_dict(tensors)
+    fill(grafted, tensors, path, f"Build the {type(network).__name__} as it was when it was saved")
     return grafted.eval()
 
 
@@ -78,15 +65,14 @@ def _read(path: Path) -> tuple[dict[str, Tensor], Joint, Any, Any]:
     if not path.is_file():
         raise UserError(f"{path}: there is no such file of a graft")
     try:
-        with safe_open(path, "pt") as file:
-            card = json.loads((file.metadata() or {})["pcsr"])["graft"]
+        with open_tensors(path) as file:
+            card = parse_card(card_text(file))["graft"]
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
             return tensors, _joint(card["joint"]), card["fusion"], card["touch_encoder"]
-    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
-    except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
-        said = textwrap.shorten(str(error), 200)
+    except (OSError, *NONSENSE) as error:
+        reason = textwrap.shorten(str(error), 200)
         raise UserError(
-            f"{path} is not a file of save_graft ({type(error).__name__}: {said}): save the graft again"
+            f"{path} is not a file of save_graft ({type(error).__name__}: {reason}): save the graft again"
         ) from error
 
 

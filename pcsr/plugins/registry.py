@@ -109,7 +109,7 @@ class Failure:
         return described(self.error)
 
 
-@dataclass
+@dataclass(eq=False)
 class Registry:
     """All parts of one process. Made by `pcsr.plugins.loading.load_plugins`, handed to whoever needs parts."""
 

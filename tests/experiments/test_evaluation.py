@@ -11,7 +11,7 @@ from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
 from pcsr.experiments.evaluation import Method, evaluate, floor, methods
 from pcsr.metrics import METRICS
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.results import gathered

@@ -9,7 +9,7 @@ from torch import nn
 from pcsr.contracts import Widths
 from pcsr.errors import UserError
 from pcsr.grafting import graft, load_graft, save_graft
-from pcsr.network.load import read_card
+from pcsr.weights.file import read_card
 from tests.grafting.networks import PLUGINS, Bias, Meeting, same
 
 

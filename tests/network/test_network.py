@@ -10,7 +10,8 @@ from pcsr.contracts import Upsampler
 from pcsr.errors import UserError
 from pcsr.geometry.anchoring import even_subset
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import Network, _first, build
+from pcsr.network.build import build
+from pcsr.network.network import Network, _first
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 

@@ -10,7 +10,8 @@ from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Trait, UserError, Widths
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.local_frames import LocalFrameBackbone

@@ -11,7 +11,8 @@ from torch import nn
 from pcsr import Trait, UserError, Widths
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.ordering import along, hilbert_order
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.grad_pu import GradPU

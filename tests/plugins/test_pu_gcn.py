@@ -8,7 +8,8 @@ from torch import nn
 
 from pcsr import Trait, UserError, Widths
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_gcn import PUGCN, DensePath

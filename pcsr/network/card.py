@@ -11,12 +11,12 @@ from pcsr.plugins.registry import FILE, OURS, Registry
 from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys
+from pcsr.weights.fit import RETRAIN
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
 """What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
 LONG = 100
 """Characters of a name in a message, of which a card may have millions."""
-ANEW = "They may come from another version of its parts: train again, or install that version"
 
 
 def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
@@ -101,7 +101,7 @@ def made_by(card: Mapping[str, Any], registry: Registry) -> str:
         here.append(f"pcsr {__version__}" if here else __version__)
         install.append(f"pcsr=={version}")
     if not made:
-        return ANEW
+        return RETRAIN
     ways = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
     ways += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
     return f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(ways)}, or train again"
