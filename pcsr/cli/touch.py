@@ -105,12 +105,10 @@ def _check_beside(cloud: "Float[np.ndarray, 'n 3']", mesh: "trimesh.Trimesh", fi
     """
     import numpy as np
 
+    from pcsr.geometry.checks import check_frame
+
     low, high = mesh.bounds
     length = float((high - low).max())
     own = float(np.ptp(cloud, axis=0).max())
     away = float(np.maximum(np.maximum(low - cloud.max(0), cloud.min(0) - high), 0).max())
-    if own > 10 * length or away > length:
-        raise UserError(
-            f"--cloud {file} is {own:.4g} long and lies {away:.4g} away from {of}, which is {length:.4g} long: "
-            f"it is in another unit or frame; bring it into the mesh's"
-        )
+    check_frame(f"--cloud {file}", str(of), distance=away, extent=length, most_distance=1.0, size=own, most_size=10.0)

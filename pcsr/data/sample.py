@@ -12,13 +12,14 @@ from scipy.spatial import KDTree
 from pcsr.contracts import ShapeItem, TouchSource
 from pcsr.data.view import seen_points
 from pcsr.errors import UserError
+from pcsr.geometry.checks import check_frame
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.sampling import CANDIDATES, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
 
 FAR = 0.25
-"""A touch that lies so many radii off the surface is none of this object."""
+"""The largest median distance of a touch from the surface, in radii of the object."""
 NEAR = 2.0
 """A truth point is felt if a touched point lies within this many of their usual distances."""
 
@@ -78,10 +79,13 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
     for number, touch in enumerate(felt):
         finite = bool(np.isfinite(touch.points).all())
         away = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
-        if away > FAR and away > 3 * _gap(surface) / sphere.radius:  # a truth of few points has wide gaps
-            raise UserError(
-                f"{item.name}: touch {number} lies {away:.3g} radii off the surface, or is not finite: its source "
-                f"gives it in another unit or frame"
+        if away > FAR:
+            check_frame(
+                f"{item.name}: touch {number}",
+                "the surface",
+                distance=away * sphere.radius,
+                extent=2 * sphere.radius,
+                most_distance=max(FAR / 2, 1.5 * _gap(surface) / sphere.radius),  # few points have wide gaps
             )
     clouds = [sphere.apply(touch.points) for touch in felt]
     return Sample(

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
+from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.magnitude import exponent, scaled
 
 SMALLEST, LARGEST = 1e-300, 1e307
@@ -30,19 +31,8 @@ class UnitSphere:
         Raises:
             UserError: the cloud is empty, not finite, all on one spot, or at the end of what doubles hold.
         """
-        if len(points) == 0:
-            raise UserError("the cloud has no points: there is nothing to fit a frame to")
         cloud = np.asarray(points, np.float64)
-        if not np.isfinite(cloud).all():
-            bad = int((~np.isfinite(cloud).all(axis=1)).sum())
-            raise UserError(
-                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
-            )
-        if (cloud == cloud[0]).all():  # the radius would not do: a mean of equal numbers may be off by one bit
-            raise UserError(
-                f"all {len(cloud)} points of the cloud lie on one spot, {cloud[0].tolist()}: "
-                f"a cloud needs an extent to be scaled"
-            )
+        check_cloud(cloud, extent=True)
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
         centre = cloud.mean(0)

@@ -13,12 +13,13 @@ from torch import Tensor, nn
 
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError
+from pcsr.geometry.checks import check_frame
 from pcsr.grafting.joint import Joint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
-FAR = 10.0
-"""Radii of a cloud: touches whose centres all lie further from its centre are in another frame or unit."""
+MOST_DISTANCE = 5.0
+"""The largest distance between the centre of a cloud and that of its nearest touch, in diameters of the cloud."""
 
 
 class Grafted(nn.Module):
@@ -143,11 +144,13 @@ def _check_frame(points: Points, touches: Tensor, mask: Tensor) -> None:
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)
     distance = (touches.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
-    far = ~(distance <= FAR * radius[:, None])
-    wrong = mask.any(1) & (far | ~mask).all(1)
-    if wrong.any():
-        row = int(wrong.nonzero()[0])
-        raise UserError(
-            f"row {row} of the batch: its touches are {float(distance[row][mask[row]].min()):.3g} or more from the "
-            f"centre of a cloud of radius {float(radius[row]):.3g}: give points and touches in one frame and unit"
-        )
+    nearest = distance.nan_to_num(torch.inf).masked_fill(~mask, torch.inf).amin(1)
+    for row, (away, reach, touched) in enumerate(torch.stack([nearest, radius, mask.any(1)], 1).tolist()):
+        if touched:
+            check_frame(
+                f"row {row} of the batch: its nearest touch",
+                "the centre of its cloud",
+                distance=away,
+                extent=2 * reach,
+                most_distance=MOST_DISTANCE,
+            )

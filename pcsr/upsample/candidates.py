@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from pcsr.errors import PcsrWarning, RunError
+from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import PartSpec, Recipe
+from pcsr.upsample.checks import check_finite
 
 Cloud = Float[np.ndarray, "_ 3"]
 TOUCH_POINTS = 512
@@ -83,8 +84,7 @@ class Networked(Candidates):
         felt = self._felt(touches)
         heard = torch.stack([tensor(touch) for touch in felt])[None] if felt else None
         dense = self.network.candidates(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
-        if not np.isfinite(dense).all():
-            raise RunError("the network gave coordinates that are not finite: its weights are damaged, train it again")
+        check_finite(dense)
         made: Cloud = dense.astype(np.float64)
         return made
 

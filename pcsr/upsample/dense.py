@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
+from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.patches import OwnFrame, patches
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates, Cloud
@@ -76,8 +77,7 @@ def densify(
     n = len(cloud)
     if n < FEWEST:
         raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed to know a surface by")
-    if (cloud == cloud[0]).all():
-        raise UserError(f"all {n} points of the cloud lie on one spot, {cloud[0].tolist()}")
+    check_cloud(cloud, extent=True)
     new = count - n if keep else count
     if new < 0:
         raise UserError(

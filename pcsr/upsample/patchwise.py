@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.patches import in_patch
 from pcsr.network.network import Network
 from pcsr.recipe import Patches
+from pcsr.upsample.checks import check_finite
 
 AT_ONCE = 8
 """Patches that the network sees together."""
@@ -75,7 +75,6 @@ def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patc
         dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
         made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
     merged = np.concatenate(made)
-    if not np.isfinite(merged).all():
-        raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
+    check_finite(merged)
     thinned: Cloud = merged[farthest_points(merged, goal)].astype(np.float32)
     return thinned

@@ -15,6 +15,7 @@ from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import UserError
 from pcsr.files import check_target, write_whole
+from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
@@ -253,14 +254,8 @@ def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:
 
 
 def _checked(points: np.ndarray, name: str, remedy: str = "") -> Float[np.ndarray, "n 3"]:
-    if points.size == 0:
-        raise UserError(f"{name} holds no points")
-    if points.ndim != 2 or points.shape[1] < 3:
+    if points.size and (points.ndim != 2 or points.shape[1] < 3):
         raise UserError(f"{name} holds an array of shape {points.shape}: points are (n, 3)")
-    points = points[:, :3]
-    bad = int((~np.isfinite(points).all(axis=1)).sum())
-    if bad:
-        raise UserError(
-            f"{name}: {bad} of {len(points)} points have a coordinate that is not finite: remove them{remedy}"
-        )
+    points = points[:, :3] if points.size else np.zeros((0, 3))
+    check_cloud(points, name, remedy=remedy)
     return points
