@@ -1,9 +1,11 @@
 """What pydantic finds wrong with a value, in one clause: what it must be, and what it is."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from reprlib import Repr
 from typing import Any
+
+from pcsr.errors import did_you_mean
 
 LONGEST = 80
 """Characters of a value that a message shows."""
@@ -43,6 +45,24 @@ def shown_path(path: Path) -> str:
     return text if text.isprintable() and len(text) < 4096 and len(path.name) < 256 else shown(text)
 
 
+def described(errors: Sequence[Mapping[str, Any]], path: str, owner: str, known: Iterable[str]) -> str:
+    """What is wrong at one place of plain data: "encoder 'net' takes no 'ordr': did you mean 'order'?".
+
+    Args:
+        errors: of `pydantic.ValidationError.errors()`, all about that place.
+        path: the place: "model.encoder".
+        owner: whose key it is, in words.
+        known: the keys that the owner takes.
+    """
+    kind = errors[0]["type"]
+    if kind == "extra_forbidden":
+        key = str(errors[0]["loc"][-1])
+        return f"{owner} takes no '{shown(key)[1:-1]}': {did_you_mean(key, known)}"
+    if kind == "missing":
+        return f"{path} is missing: add it"
+    return f"{path}: {explained(errors)}"
+
+
 def explained(errors: Sequence[Mapping[str, Any]]) -> str:
     """What a value must be and what it is: "it must be 1 or more, got -3".
 
@@ -52,13 +72,13 @@ def explained(errors: Sequence[Mapping[str, Any]]) -> str:
     """
     clauses = list(dict.fromkeys(map(_clause, errors)))
     wanted = [clause.removeprefix(MUST) for clause in clauses if clause.startswith(MUST)]
-    said = [clause for clause in clauses if not clause.startswith(MUST)]
+    others = [clause for clause in clauses if not clause.startswith(MUST)]
     if wanted:
-        said.insert(0, MUST + " or ".join(wanted))
+        others.insert(0, MUST + " or ".join(wanted))
     value = errors[0]["input"]
     # A whole section says nothing of what a validator found in it.
     got = "" if isinstance(value, Mapping) and not wanted else f", got {shown(value)}"
-    return f"{'; '.join(said)}{got}"
+    return f"{'; '.join(others)}{got}"
 
 
 MUST = "it must be "

@@ -45,6 +45,7 @@ SAME_FLOOR = {
     ("pcsr.inputs", "pcsr.limits"),
     ("pcsr.inputs", "pcsr.mistakes"),
     ("pcsr.limits", "pcsr.errors"),
+    ("pcsr.mistakes", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
     ("pcsr.extras", "pcsr.errors"),

@@ -122,7 +122,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pydantic import ValidationError
 
-    from pcsr.mistakes import explained, shortened, shown
+    from pcsr.mistakes import described, shortened, shown
     from pcsr.recipe.schema import options_model
     from pcsr.recipe.source import Place, scalar
 
@@ -145,7 +145,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     except (TypeError, ValidationError) as error:
         mistakes = error.errors() if isinstance(error, ValidationError) else []
         given_wrong = [one for one in mistakes if one["type"] != "missing"]
-        wrong = [f"{'.'.join(map(str, one['loc']))}: {explained([one])}" for one in given_wrong]
+        wrong = [described([one], ".".join(map(str, one["loc"])), "", ()) for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
         return given  # what is missing the check `builds` tells

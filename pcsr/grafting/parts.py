@@ -9,10 +9,10 @@ from pydantic import ValidationError
 from torch import Tensor
 
 from pcsr.contracts import Encoder, Fusion, Widths
-from pcsr.errors import UserError, did_you_mean
+from pcsr.errors import UserError
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
-from pcsr.mistakes import explained
+from pcsr.mistakes import described
 from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import PartSpec, options_model
@@ -62,7 +62,10 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     except TypeError as error:
         raise UserError(f"{kind} '{name}': options are what JSON can write, but {error}") from error
     except ValidationError as error:
-        mistakes = [_mistake(f"{kind} '{name}'", one, model.model_fields) for one in error.errors()]
+        owner, known = f"{kind} '{name}'", model.model_fields
+        mistakes = [
+            described([one], f"{owner}.{'.'.join(map(str, one['loc']))}", owner, known) for one in error.errors()
+        ]
         raise UserError("; ".join(mistakes)) from error
     options = {key: getattr(checked, key) for key in model.model_fields}
     try:
@@ -70,16 +73,6 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     except (RuntimeError, ValueError) as error:  # such as torch's, about a negative number of channels
         raise UserError(f"{kind} '{name}' cannot be built with {options}: {one_line(error)}") from error
     return built, {"use": name, **options}
-
-
-def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> str:
-    """One of pydantic's errors as a recipe would say it."""
-    key = ".".join(map(str, error["loc"]))
-    if error["type"] == "extra_forbidden":
-        return f"{owner} takes no '{key}': {did_you_mean(key, known)}"
-    if error["type"] == "missing":
-        return f"{owner}.{key} is missing: add it"
-    return f"{owner}.{key}: {explained([error])}"
 
 
 def try_parts(grafted: Grafted, like: Tensor) -> None:

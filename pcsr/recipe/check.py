@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import explained, shown
+from pcsr.errors import UserError
+from pcsr.mistakes import described, shown
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
@@ -170,14 +170,12 @@ def _mistake(keys: Keys, ones: list[Any], model: type[BaseModel], head: tuple[st
         owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
         if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
             return Mistake(locate(keys, True), f"'{keys[-1]}' is read before this: write it at the top of the file")
-        remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
-        return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
-    if kind == "missing":
-        return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
+        return Mistake(locate(keys, True), described(ones, path, owner, _fields(model, keys[:-1])))
     if kind == "model_type":
         got = shown(ones[0]["input"])
         return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {got}")
-    return Mistake(locate(keys, False), f"{path}: {explained(ones)}")
+    place = locate(keys[:-1] if kind == "missing" else keys, False)
+    return Mistake(place, described(ones, path, "", ()))
 
 
 def _key(key: int | str) -> str:

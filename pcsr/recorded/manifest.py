@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from pcsr.errors import UserError, did_you_mean
-from pcsr.mistakes import explained
+from pcsr.errors import UserError
+from pcsr.mistakes import described
 
 Model = TypeVar("Model", bound=BaseModel)
 MISTAKES = 20
@@ -220,11 +220,8 @@ def checked(model: type[Model], value: Any, place: str) -> Model:
 def _mistake(one: Any, model: type[BaseModel], place: str) -> str:
     keys = [key for key in one["loc"] if not str(key).startswith("<")]
     path = ".".join(str(key)[:80] for key in [*([place] if place else []), *keys]) or "the file"
-    if one["type"] == "extra_forbidden":
-        return f"{path}: no such key here: {did_you_mean(str(keys[-1])[:80], _fields(model, one['loc']))}"
-    if one["type"] == "missing":
-        return f"{path} is missing: add it"
-    return f"{path}: {explained([one])}"
+    owner = path.rpartition(".")[0] or "the file"
+    return described([one], path, owner, _fields(model, one["loc"]))
 
 
 def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:

@@ -189,7 +189,7 @@ def test_fingers_are_one_touch(folder):
         ([{"cloud": None, "pose": STILL}], "none of its fingers felt anything"),
         ([{"fingers": [{"cloud": "0.npy"}]}], "fingers.0: it says none: it needs one of cloud, height, depth"),
         ([], "fingers: it must be a list of 1 item or more"),
-        ([{"cloud": "0.npy", "pos": STILL}], "fingers.0.pos: no such key here: did you mean 'pose'"),
+        ([{"cloud": "0.npy", "pos": STILL}], "fingers.0 takes no 'pos': did you mean 'pose'"),
     ],
 )
 def test_a_grasp_with_a_bad_finger_is_left_out(folder, fingers, expected):
@@ -260,7 +260,7 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
         ({"unit": "furlong"}, r"touches\.json: unit: no unit of that name: m, cm, mm, um, in, .*got 'furlong'"),
         ({"unit": -1}, r"touches\.json: unit: it must be more than 0, got -1"),
         ({"unit": True}, r"touches\.json: unit: "),
-        ({"units": "m"}, r"touches\.json: units: no such key here: did you mean 'unit'\?"),
+        ({"units": "m"}, r"touches\.json: the file takes no 'units': did you mean 'unit'\?"),
         ({"format": 2}, r"touches\.json: format: it must be 1, got 2"),
         ({"frame": "world"}, r"touches\.json: frame: it must be 'sensor' or 'object', got 'world'"),
         ({"axes": "z"}, r"touches\.json: axes: "),
@@ -294,7 +294,7 @@ def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
     [
         ({"name": "smith2020"}, "layout.name: no layout 'smith2020': did you mean 'smith-2020'"),
         ({}, "layout.name: no layout None"),
-        ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: no such key here: did you mean 'per'"),
+        ({"name": "smith-2020", "pre": "grasp"}, "layout takes no 'pre': did you mean 'per'"),
         ({"name": "smith-2020"}, "holds no <grasp>.npy"),
         (7, "layout: it must be a mapping"),
     ],
