@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_frame
-from pcsr.grafting.joint import Joint, check_output, from_bnc, to_bnc, visual_points
+from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
@@ -23,25 +23,25 @@ MOST_DISTANCE = 5.0
 
 
 class Grafted(nn.Module):
-    """A network that hears touch at one of its layers; without touches, bit for bit the network alone."""
+    """A network with touch fused in at one of its layers; without touches, bit for bit the network alone."""
 
     def __init__(
         self,
         network: nn.Module,
         fusion: Fusion,
         touch_encoder: Encoder | None,
-        joint: Joint,
+        injection_point: InjectionPoint,
         specs: dict[str, Any],
     ) -> None:
         super().__init__()
         self.network = network
         self.fusion = fusion
         self.touch_encoder = touch_encoder
-        self.joint = joint
+        self.injection_point = injection_point
         self.specs = specs
 
     def forward(self, *args: Any, touches: Tensor | None = None, mask: Tensor | None = None, **kwargs: Any) -> Any:
-        """What the network gives, with the touches heard at the joint.
+        """What the network gives, with the touches fused in at the injection point.
 
         Args:
             *args: the network's own, handed through.
@@ -60,7 +60,7 @@ class Grafted(nn.Module):
                     "network's own that is called mask goes by its position"
                 )
             return self.network(*args, **kwargs)
-        points = visual_points(self.joint, args, kwargs)
+        points = visual_points(self.injection_point, args, kwargs)
         mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device) if mask is None else mask
         _check_touches(points, touches, mask)
         exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
@@ -68,7 +68,7 @@ class Grafted(nn.Module):
             return self.network(*args, **kwargs)
         if not exporting:
             _check_frame(points, touches, mask)
-        if isinstance(self.network, Grafted):  # a second joint: both hear the same touches
+        if isinstance(self.network, Grafted):  # a second injection point: both get the same touches
             kwargs |= {"touches": touches, "mask": mask}
         return self._touched(points, touches, mask, args, kwargs)
 
@@ -84,7 +84,7 @@ class Grafted(nn.Module):
         self, points: Points, touches: Tensor, mask: Tensor, args: Sequence[Any], kwargs: Mapping[str, Any]
     ) -> Any:
         """Call the network with the hook in place, and take it away again whatever happens."""
-        at, layout = self.joint.at, self.joint.layout
+        at, layout = self.injection_point.at, self.injection_point.layout
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
         calls = 0
 
@@ -100,7 +100,7 @@ class Grafted(nn.Module):
                     f"layer '{at}' runs without gradients, so its graft would learn nothing: graft at a layer outside "
                     f"of torch.no_grad() and of checkpointed blocks, or call the graft under torch.no_grad()"
                 )
-            check_output(self.joint, output, points)
+            check_output(self.injection_point, output, points)
             features = to_bnc(output, layout)
             fused = fuse(self.fusion, self.touch_encoder, points, features, touches, mask)
             if torch.compiler.is_exporting():  # `fuse` leaves out nobody there
@@ -114,7 +114,7 @@ class Grafted(nn.Module):
             handle.remove()
         if not calls:
             raise UserError(
-                f"layer '{at}' was not called in this pass, so the touches were not heard: graft at a layer that "
+                f"layer '{at}' was not called in this pass, so the touches had no effect: graft at a layer that "
                 f"every pass goes through"
             )
         return result

@@ -79,7 +79,7 @@ def try_parts(grafted: Grafted, like: Tensor) -> None:
     """Fuse something once, so that parts of other widths are found out here and not in training."""
     random = torch.Generator().manual_seed(0)
     cloud = torch.rand(1, 64, 3, generator=random).to(like)
-    features = torch.rand(1, 64, grafted.joint.width, generator=random).to(like)
+    features = torch.rand(1, 64, grafted.injection_point.width, generator=random).to(like)
     mask = torch.ones(1, 1, dtype=torch.bool, device=like.device)
     with quiet(grafted, like.device):
         try:
@@ -88,7 +88,8 @@ def try_parts(grafted: Grafted, like: Tensor) -> None:
         except Exception as error:  # an instance of other widths fails in whatever way its layers do
             fused, reason = None, f"{type(error).__name__}: {one_line(error)}"
     if fused is None or fused.shape != features.shape:
+        point = grafted.injection_point
         raise UserError(
-            f"the fusion {type(grafted.fusion).__name__} does not fit layer '{grafted.joint.at}' of "
-            f"{grafted.joint.width} channels and its touch encoder: {reason}. Make it for these widths or name it"
+            f"the fusion {type(grafted.fusion).__name__} does not fit layer '{point.at}' of {point.width} channels and "
+            f"its touch encoder: {reason}. Make it for these widths or name it"
         )
