@@ -1,6 +1,5 @@
 """What a `touches.json` may say: strict models, and their mistakes in plain words. docs/recorded.md explains it."""
 
-from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
@@ -166,7 +165,7 @@ class Recorded(Strict):
         return self
 
 
-class LaidOut(Strict):
+class LayoutManifest(Strict):
     """A folder in somebody else's layout."""
 
     format: Literal[1]
@@ -234,25 +233,6 @@ def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
     }
     owners = [nested[key] for key in loc[:-1] if key in nested]
     return list((owners or [model])[-1].model_fields)
-
-
-def inside(folder: Path, name: str) -> Path:
-    """A file of a recording, which must lie in its folder.
-
-    Raises:
-        UserError: the name leads out of it.
-    """
-    path = folder / name
-    try:
-        leaves = not path.resolve().is_relative_to(folder.resolve()) or path.resolve() == folder.resolve()
-    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file has
-        leaves = True
-    windows = PureWindowsPath(name)  # a recording must not mean other files on another system
-    if leaves or windows.anchor or ".." in windows.parts:
-        raise UserError(
-            f"file '{name[:99]}' is not inside of the recording's folder: put it there, and name it from there"
-        )
-    return path
 
 
 def _and(words: list[str]) -> str:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.files import inside
 from pcsr.inputs import read_bytes
 from pcsr.limits import LARGEST_JSON, MOST_FINGERS, MOST_TOUCHED_POINTS, MOST_TOUCHES
 from pcsr.recorded import layouts
@@ -23,14 +24,13 @@ from pcsr.recorded.manifest import (
     Entry,
     GraspEntry,
     HeightEntry,
-    LaidOut,
+    LayoutManifest,
     Recorded,
     check_entry,
     checked,
-    inside,
 )
 from pcsr.recorded.pickles.unpickle import load_numpy
-from pcsr.recorded.pose import sensor_to_object, transformed, turn
+from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 MANIFEST = "touches.json"
 REASONS = 20
@@ -132,7 +132,7 @@ def _json(path: Path) -> dict[str, Any]:
 def _laid_out(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
     if "touches" in plain:
         raise UserError(f"{MANIFEST}: it says touches and layout: say which of them it is")
-    return layouts.read(folder, checked(LaidOut, plain, "").layout)
+    return layouts.read(folder, checked(LayoutManifest, plain, "").layout)
 
 
 def _listed(folder: Path, recorded: Recorded) -> Iterator[tuple[str, Touch | str]]:
@@ -200,7 +200,7 @@ def _finger(folder: Path, recorded: Recorded, entry: Entry) -> Touch:
         pose = sensor_to_object(entry.pose, recorded.unit, recorded.object_unit, recorded.object_pose)
     sensor = entry.sensor or recorded.sensor
     # Multiplying by a turn that turns nothing would leave the numbers, but not the sign of each 0.
-    ours = pose if pose is None or recorded.axes == "-z" else pose @ turn(recorded.axes)
+    ours = pose if pose is None or recorded.axes == "-z" else pose @ rotation_from(recorded.axes)
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)

@@ -14,8 +14,8 @@ from pcsr import RunError, Touch, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LaidOut, Recorded, check_entry, checked
-from pcsr.recorded.pose import sensor_to_object, turn
+from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, Recorded, check_entry, checked
+from pcsr.recorded.pose import rotation_from, sensor_to_object
 
 HEAD = {"format": 1, "unit": "mm", "object_unit": "m", "frame": "sensor", "sensor": "digit"}
 STILL = {"translation": [0, 0, 0], "quaternion": [0, 0, 0, 1], "order": "xyzw"}
@@ -420,7 +420,7 @@ def test_the_examples_of_the_page_are_right():
             for finger in fingers:
                 pose = check_entry(finger, "finger", in_grasp=True).pose
                 sensor_to_object(pose, recorded.unit, recorded.object_unit)
-    said = [checked(LaidOut, example, "").layout for example in EXAMPLES if "layout" in example]
+    said = [checked(LayoutManifest, example, "").layout for example in EXAMPLES if "layout" in example]
     for layout in said:
         options, _ = LAYOUTS[layout.pop("name")]
         checked(options, layout, "layout")
@@ -435,7 +435,7 @@ def test_the_page_tells_every_turn():
         for ours, theirs in enumerate(told.replace("−", "-").split(" | ")):
             expected = np.zeros(3)
             expected["xyz".index(theirs[1])] = float(theirs[0] + "1")
-            np.testing.assert_array_equal(turn(axes)[:3, ours], expected)
+            np.testing.assert_array_equal(rotation_from(axes)[:3, ours], expected)
 
 
 def test_the_page_names_every_layout_and_key():

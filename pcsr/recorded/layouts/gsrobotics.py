@@ -14,7 +14,7 @@ from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.recorded.manifest import Axis, Length, NotNegative, Pose, Positive, Sign, Strict
-from pcsr.recorded.pose import sensor_to_object, transformed, turn
+from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 
 class Options(Strict):
@@ -57,7 +57,7 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
 
 
 def _touch(path: Path, number: str, options: Options) -> Touch:
-    ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ turn(options.axes)
+    ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ rotation_from(options.axes)
     felt = _contact(read_points(path), options, path)
     area = len(felt) * options.mm_per_pixel**2
     return Touch.single(transformed(ours, felt), ours, options.object_unit, options.sensor, area)

@@ -14,12 +14,10 @@ from pydantic import Field
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.recorded.layouts.smith_2020 import in_order, joined, numbers
+from pcsr.recorded.layouts.arrays import METRE, in_order, joined, numbers
 from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pickles.unpickle import load_numpy
-from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, turn
-
-METRE = 1000.0
+from pcsr.recorded.pose import check_matrix, in_object, offset_z, rotation_from
 
 
 class Options(Strict):
@@ -63,5 +61,5 @@ def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     rigid = np.eye(4)
     rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
     rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
-    pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ turn("+x") @ moved_along_z(-face)
+    pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ rotation_from("+x") @ offset_z(-face)
     return Touch.single(felt, pose, METRE, "smith-2021")
