@@ -124,7 +124,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
 
     from pcsr.mistakes import described, shortened, shown
     from pcsr.recipe.schema import options_model
-    from pcsr.recipe.source import Place, scalar
+    from pcsr.recipe.source import Location, scalar
 
     if not overrides:  # so that a part whose options cannot be read fails a check
         return {}
@@ -139,7 +139,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         if key not in model.model_fields:
             remedy = did_you_mean(key, model.model_fields)
             raise UserError(f"{place}: {entry.kind} '{entry.name}' takes no {shown(key)}: {remedy}")
-        given[key] = scalar(value, Place(place))
+        given[key] = scalar(value, Location(place))
     try:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:

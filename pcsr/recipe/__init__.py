@@ -10,17 +10,17 @@ from pcsr.recipe.compose import compose, override_key
 from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
-from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import MOST_TOLD, Keys, Location, Mistake, RecipeError, Source
 
 __all__ = [
     "DATA",
     "MODEL",
     "PARTS",
     "Data",
+    "Location",
     "Mistake",
     "PartSpec",
     "Patches",
-    "Place",
     "Recipe",
     "RecipeError",
     "View",
@@ -80,7 +80,7 @@ def for_data(
         RecipeError: every mistake in it.
     """
     data = {"shapes": {"use": shapes, **options}, "touches": MOST_STUDIED}
-    source = Source({"name": "data", "data": data}, {(): Place(f"shapes {shapes}")})
+    source = Source({"name": "data", "data": data}, {(): Location(f"shapes {shapes}")})
     for override in overrides:
         key = override.partition("=")[0].partition(".")[0]
         section = part or ("" if key in Data.model_fields else "shapes")
@@ -105,4 +105,4 @@ def from_resolved(
     Raises:
         RecipeError: it names parts or options that this installation doesn't have.
     """
-    return check(Source(data, {(): Place(origin)}), registry, parts)
+    return check(Source(data, {(): Location(origin)}), registry, parts)

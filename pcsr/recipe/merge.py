@@ -7,7 +7,7 @@ from pcsr.mistakes import shown
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import DEFAULTS
-from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, Source
+from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, Source
 
 
 def normalize(source: Source) -> Source:
@@ -16,7 +16,7 @@ def normalize(source: Source) -> Source:
         section = source.data.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
             section[keys[1]] = {"use": section[keys[1]]}
-            source.values[(*keys, "use")] = source.place(keys)
+            source.values[(*keys, "use")] = source.location(keys)
     modernize(source)
     return source
 
@@ -31,7 +31,7 @@ def merge(under: Source, over: Source) -> Source:
     for mine, theirs in ((merged.values, over.values), (merged.names, over.names)):
         for known in [keys for keys in mine if _inside(keys, replaced)]:
             del mine[known]
-        mine |= {keys: place for keys, place in theirs.items() if keys in kept or _inside(keys, replaced)}
+        mine |= {keys: location for keys, location in theirs.items() if keys in kept or _inside(keys, replaced)}
     merged.values[()] = over.values[()]
     merged.mistakes += over.mistakes
     return merged
@@ -64,27 +64,27 @@ def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 
-def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | None = None) -> None:
+def assign(source: Source, keys: Keys, value: Any, location: Location, name: Location | None = None) -> None:
     """Put one value into the data, as if a file with nothing else were laid over it."""
     if keys[0] == "model" and len(keys) > 1:  # a change to the model that a recipe without one gets
         source.data.setdefault("model", copy.deepcopy(DEFAULTS["model"]))
     data: Any = value
-    over = Source({}, {(): source.values[()], keys: place}, {keys: name or place})
+    over = Source({}, {(): source.values[()], keys: location}, {keys: name or location})
     for depth in range(len(keys), 0, -1):
         data = {keys[depth - 1]: data}
         if keys[:depth] not in source.values:
-            over.values[keys[:depth]] = place
-            over.names[keys[:depth]] = name or place
+            over.values[keys[:depth]] = location
+            over.names[keys[:depth]] = name or location
     over.data = data
     merged = merge(source, normalize(over))
     source.data, source.values, source.names = merged.data, merged.values, merged.names
 
 
-def assign_dotted(source: Source, dotted: str, value: Any, place: Place, name: Place | None = None) -> None:
+def assign_dotted(source: Source, dotted: str, value: Any, location: Location, name: Location | None = None) -> None:
     """As `assign`, for a key that a person wrote with dots; one of too many is a mistake."""
     keys = tuple(dotted.split("."))
     if len(keys) > DEEPEST:
         text = f"{shown(dotted)} has {len(keys)} keys in each other, and no recipe more than {DEEPEST}"
-        source.mistakes.append(Mistake(name or place, text))
+        source.mistakes.append(Mistake(name or location, text))
     else:
-        assign(source, keys, value, place, name)
+        assign(source, keys, value, location, name)

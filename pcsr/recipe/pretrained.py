@@ -15,7 +15,7 @@ from pcsr.recipe.check import check, check_card
 from pcsr.recipe.merge import merge
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe
-from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
 from pcsr.weights.file import read_card
 from pcsr.weights.find import find
 
@@ -81,11 +81,11 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     if written is None:
         return check(source, registry)
     source = source.copy()
-    place = source.place(("weights", "use"))
+    location = source.location(("weights", "use"))
     try:
-        weights_file, named = _named(written, place, registry)
+        weights_file, named = _named(written, location, registry)
     except UserError as error:
-        source.mistakes.append(Mistake(place, str(error)))
+        source.mistakes.append(Mistake(location, str(error)))
         del source.data["weights"]
         return check(source, registry)
     plain = weights_file.recipe.resolved()
@@ -98,11 +98,11 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     wrong = misfit(recipe, weights_file.recipe, registry)
     if wrong:
         keys, text = wrong
-        raise RecipeError([Mistake(laid.place(keys), text)])
+        raise RecipeError([Mistake(laid.location(keys), text)])
     return recipe.model_copy(update={"train": weights_file.recipe.train})
 
 
-def _named(written: Any, place: Place, registry: Registry) -> tuple[WeightsFile, dict[str, Any]]:
+def _named(written: Any, location: Location, registry: Registry) -> tuple[WeightsFile, dict[str, Any]]:
     """The weights that a recipe names, and the resolved form of that."""
     named = written if isinstance(written, dict) else {"use": written}
     use = named.get("use")
@@ -110,7 +110,7 @@ def _named(written: Any, place: Place, registry: Registry) -> tuple[WeightsFile,
         known = ", ".join(weights.names())
         raise UserError(f"weights are shipped ones ({known}) or a file, got {json.dumps(written, default=str)}")
     # A line of a file: relative to that file; an option of the command line: to where we are.
-    path = find(use, Path(place.origin).parent if place.line else Path())
+    path = find(use, Path(location.origin).parent if location.line else Path())
     weights_file = WeightsFile.read(path, registry)
     if named.get("sha256", weights_file.sha256) != weights_file.sha256:
         raise UserError(

@@ -12,7 +12,7 @@ from pcsr.recipe.compose import compose
 from pcsr.recipe.matrix import expand
 from pcsr.recipe.merge import assign, merge, normalize
 from pcsr.recipe.schema import DEFAULTS, NAME
-from pcsr.recipe.source import Place, Source, parse
+from pcsr.recipe.source import Location, Source, parse
 
 LEAVES = st.integers(0, 9) | st.text("xyz", max_size=2) | st.lists(st.integers(0, 9), max_size=2)
 NAMES = st.sampled_from("abcd")
@@ -21,11 +21,11 @@ TREES = st.recursive(st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionari
 
 def source(tree, origin="file"):
     """A source that knows where each value stands: in a file of this name, whatever the line."""
-    made = Source(copy.deepcopy(tree), {(): Place(origin)})
+    made = Source(copy.deepcopy(tree), {(): Location(origin)})
 
     def note(keys, node):
         for key, value in node.items() if isinstance(node, dict) else ():
-            made.values[(*keys, key)] = made.names[(*keys, key)] = Place(origin)
+            made.values[(*keys, key)] = made.names[(*keys, key)] = Location(origin)
             note((*keys, key), value)
 
     note((), tree)
@@ -84,9 +84,9 @@ def test_each_leaf_keeps_the_place_of_the_file_that_it_came_from(a, b):
             written = written.get(key, ...) if isinstance(written, dict) else ...
         from_over = written is not ... and written == _at(merged.data, keys) and not (written == {} and keys)
         if from_over and keys:
-            assert merged.place(keys).origin == "over"
+            assert merged.location(keys).origin == "over"
         elif keys and written is ...:
-            assert merged.place(keys).origin == "under"
+            assert merged.location(keys).origin == "under"
 
 
 def _at(node, keys):
@@ -132,7 +132,9 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
     write("extends: root.yaml\nname: middle\ntrain: {epochs: 5}", "shared/middle.yaml")
     (made,) = compose(write("extends: shared/middle.yaml\nname: leaf"))
     assert made.data == {"name": "leaf", "seed": 1, "train": {"epochs": 5, "batch": 2}}
-    found = {keys: made.place(keys).origin.rpartition("/")[2] for keys in [("name",), ("seed",), ("train", "epochs")]}
+    found = {
+        keys: made.location(keys).origin.rpartition("/")[2] for keys in [("name",), ("seed",), ("train", "epochs")]
+    }
     assert found == {("name",): "recipe.yaml", ("seed",): "root.yaml", ("train", "epochs"): "middle.yaml"}
 
 
@@ -160,12 +162,12 @@ def test_extends_that_leads_nowhere(write, text, said):
 @given(st.lists(st.sampled_from("abcd"), min_size=1, max_size=3), LEAVES, TREES)
 def test_set_is_a_merge_of_one_value(keys, value, tree):
     made = source(tree)
-    assign(made, tuple(keys), value, Place("--set"))
+    assign(made, tuple(keys), value, Location("--set"))
     nested = value
     for key in reversed(keys):
         nested = {key: nested}
     assert made.data == slow_merge(tree, nested)
-    assert made.place(tuple(keys)) == Place("--set")
+    assert made.location(tuple(keys)) == Location("--set")
 
 
 def test_set_reaches_into_a_part_by_its_bare_name(write):
@@ -176,9 +178,9 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
         "seed": 3,
         "model": {"encoder": {"use": "net", "channels": 4}, "fusion": {"use": "attention", "heads": 2}},
     }
-    assert made.place(("model", "encoder", "use")) == Place(str(path), 2, 18)
-    assert made.place(("model",)) == Place(str(path), 2, 8)
-    assert made.place(("model", "encoder", "channels")) == Place("--set model.encoder.channels=4")
+    assert made.location(("model", "encoder", "use")) == Location(str(path), 2, 18)
+    assert made.location(("model",)) == Location(str(path), 2, 8)
+    assert made.location(("model", "encoder", "channels")) == Location("--set model.encoder.channels=4")
 
 
 @pytest.mark.parametrize(
@@ -194,7 +196,7 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
 def test_a_set_that_cannot_be_read_is_kept_as_a_mistake(write, override, said):
     (made,) = compose(write("name: a"), [override, "seed=2"])
     (mistake,) = made.mistakes
-    assert mistake.place == Place(f"--set {override}")
+    assert mistake.location == Location(f"--set {override}")
     assert said in mistake.text
     assert made.data == {"name": "a", "seed": 2}
 
@@ -216,7 +218,7 @@ def test_matrix_is_a_product_with_tidy_names(write):
     ]
     assert runs[3].data["model"]["fusion"] == {"use": "Cross_Attention", "heads": 2}
     assert runs[3].data["train"] == {"epochs": 1, "touches": [0, 5]}
-    assert runs[3].place(("train", "touches")) == Place(str(path), 5, 22)
+    assert runs[3].location(("train", "touches")) == Location(str(path), 5, 22)
     assert "matrix" not in runs[0].data
 
 
@@ -237,7 +239,7 @@ def test_keys_of_a_matrix_may_vary_together(write):
         "fusion": {"use": "none"},
     }
     assert whole.data["model"]["touch_encoder"] == {"use": "net"}
-    assert without.place(("model", "fusion")) == Place(str(path), 5, 22)
+    assert without.location(("model", "fusion")) == Location(str(path), 5, 22)
 
 
 def test_runs_of_a_matrix_are_numbered_where_their_labels_are_the_same(write):
@@ -295,7 +297,7 @@ def test_set_wins_over_the_matrix(write):
 def test_what_is_no_matrix(write, matrix, column):
     (made,) = compose(write(f"name: a\nmatrix: {matrix}"))
     (mistake,) = made.mistakes
-    assert (mistake.place.line, mistake.place.column) == (2, column)
+    assert (mistake.location.line, mistake.location.column) == (2, column)
     assert "lists of values" in mistake.text
 
 
@@ -303,7 +305,7 @@ def test_what_is_no_matrix(write, matrix, column):
 def test_a_matrix_varies_no_composition(write, axis):
     (made,) = compose(write(f"name: a\nmatrix: {{seed: [1], {axis}: [x, y]}}"))
     (mistake,) = made.mistakes
-    assert (mistake.place.line, mistake.place.column) == (2, 21)
+    assert (mistake.location.line, mistake.location.column) == (2, 21)
     assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"
 
 
@@ -322,8 +324,8 @@ def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
     assert one.data == {"name": "study-one", "seed": 1, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
     assert two.data == {"name": "study-two", "seed": 1, "train": {"epochs": 5, "batch": 4, "learning_rate": 0.5}}
     assert three.data == {"name": "study-three", "seed": 7, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
-    assert two.place(("train", "batch")) == Place(str(path), 5, 39)
-    assert one.place(("train", "batch")).origin.endswith("one.yaml")
+    assert two.location(("train", "batch")) == Location(str(path), 5, 39)
+    assert one.location(("train", "batch")).origin.endswith("one.yaml")
 
 
 def test_a_study_may_have_a_matrix_too(write):
@@ -360,7 +362,7 @@ def test_axes_from_outside_vary_as_a_matrix_does(write):
         f"a-seed.{seed}-touches.0-fusion.{fusion}" for seed in (0, 1) for fusion in ("x", "y")
     ]
     assert runs[1].data["model"] == {"encoder": {"use": "net"}, "fusion": {"use": "y"}}
-    assert runs[1].place(("model", "fusion", "use")) == Place("--fusion y")
+    assert runs[1].location(("model", "fusion", "use")) == Location("--fusion y")
 
 
 def test_a_study_names_no_study(write):
