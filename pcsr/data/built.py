@@ -19,14 +19,14 @@ from pcsr.recipe import PARTS, Recipe, from_resolved
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltData:
     """Folders that `pcsr data make` built, as one data set in their order."""
 
     folders: tuple[Path, ...]
     manifests: tuple[Manifest, ...]
 
     @classmethod
-    def read(cls, folders: Sequence[Path]) -> "Built":
+    def read(cls, folders: Sequence[Path]) -> "BuiltData":
         """Look at what they hold.
 
         Raises:
@@ -111,7 +111,7 @@ class Built:
             for folder, manifest in zip(self.folders, self.manifests, strict=True)
         ]
 
-    def lay_under(self, recipe: Recipe, registry: Registry) -> Recipe:
+    def with_data_of(self, recipe: Recipe, registry: Registry) -> Recipe:
         """The recipe on this data: all but the number of touches is as the manifest says.
 
         Of several folders the first with a split `test` says it; where they differ in sampling, it is mixed.

@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.progress import Progress
 
 from pcsr.data.build import load_or_build
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.errors import UserError
@@ -36,7 +36,7 @@ def data_of(
         UserError: a folder cannot be read, or the recipe is on folders that are not named.
     """
     if folders:
-        built = Built.read(folders)
+        built = BuiltData.read(folders)
         return built.fingerprint, lambda split, progress: _checked(built, split, progress)
     if recipe.joined:
         raise UserError(
@@ -55,7 +55,7 @@ def data_of(
     return plan.fingerprint, load
 
 
-def _checked(built: Built, split: str, progress: Progress) -> Split:
+def _checked(built: BuiltData, split: str, progress: Progress) -> Split:
     """A split of data that is built already; reading and checking it is shown where it takes longer than a moment."""
     if sum(path.stat().st_size for path in built.shards(split) if path.is_file()) < MOMENT:
         return built.split(split)

@@ -13,7 +13,7 @@ from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
 from pcsr.experiments.evaluation import evaluate, methods, needs_meshes
-from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
 from pcsr.files import write_text
@@ -30,21 +30,21 @@ RESULTS = "results.json"
 EXAMPLES = "examples.safetensors"
 
 
-def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]:
+def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[str, str]:
     """The optional packages that a run needs, each with what needs it, as `pcsr.extras.require` takes them."""
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
     if recipe.weights is None:
         needed |= recipe.train.objective.needs(registry, "objective")
-    if not place.data:
+    if not options.data:
         needed |= data_packages(recipe, registry)
     elif needs_meshes(recipe):
         needed |= recipe.data.shapes.needs(registry, "shapes")
     return needed
 
 
-def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> dict[str, Any]:
+def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Console) -> dict[str, Any]:
     """Do whatever of a recipe isn't done yet, and evaluate.
 
     Training is skipped where the recipe names weights, and where finished weights of exactly this recipe, and of the
@@ -53,12 +53,12 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     Returns:
         The results, which also stand in the run folder beside the report.
     """
-    folder = run_folder(recipe, place)
-    fabric = _fabric(recipe, place)
-    fingerprint, data = data_of(recipe, registry, place.runs, place.data, place.jobs)
+    folder = run_folder(recipe, options)
+    fabric = _fabric(recipe, options)
+    fingerprint, data = data_of(recipe, registry, options.runs, options.data, options.jobs)
     data = functools.cache(data)
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
-        network, source = trained(recipe, registry, fingerprint, data, fabric, place, progress)
+        network, source = trained(recipe, registry, fingerprint, data, fabric, options, progress)
         if not fabric.is_global_zero:
             return {}
         test = data("test", progress)
@@ -67,7 +67,7 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
         network.to(fabric.device)
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
-        scores = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
+        scores = evaluate(recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task))
     results = gathered(recipe, test, scores, source)
     save_examples(folder / EXAMPLES, recipe, test, scores)
     write_text(folder / RESULTS, json.dumps(results, indent=1))
@@ -75,14 +75,14 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
     return results
 
 
-def _fabric(recipe: Recipe, place: Place) -> "Fabric":
-    many = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
-    if place.device == "cuda" and not torch.cuda.is_available():
+def _fabric(recipe: Recipe, options: RunOptions) -> "Fabric":
+    many = options.devices * options.nodes > 1 or "LOCAL_RANK" in os.environ
+    if options.device == "cuda" and not torch.cuda.is_available():
         raise UserError("--device cuda: torch finds no CUDA device here; use --device cpu, or install torch for CUDA")
     fabric: Fabric = imported("lightning_fabric", "training").Fabric(
-        accelerator="cuda" if place.device != "cpu" and torch.cuda.is_available() else "cpu",
-        devices=place.devices,
-        num_nodes=place.nodes,
+        accelerator="cuda" if options.device != "cpu" and torch.cuda.is_available() else "cpu",
+        devices=options.devices,
+        num_nodes=options.nodes,
         # A batch without touches leaves the fusion's weights without a gradient.
         strategy="ddp_find_unused_parameters_true" if many else "auto",
         precision=recipe.train.precision,

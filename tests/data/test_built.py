@@ -10,7 +10,7 @@ import torch
 
 from pcsr import UserError
 from pcsr.data.build import build_split
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 from pcsr.data.dataset import Split
 from pcsr.data.plan import Plan
 from pcsr.data.shards import MANIFEST, damaged, read_manifest, write_manifest
@@ -43,7 +43,7 @@ def two(recipe, folders):
 
 
 def test_one_folder_is_what_it_is(two):
-    (folder, _), built = two, Built.read(two[:1])
+    (folder, _), built = two, BuiltData.read(two[:1])
     assert built.fingerprint == read_manifest(folder).fingerprint
     assert (built.joined, built.missing()) == ((), [])
     one, other = built.split("train"), Split.load(folder, "train")
@@ -52,7 +52,7 @@ def test_one_folder_is_what_it_is(two):
 
 
 def test_a_joined_split_holds_every_object_of_its_folders_in_order(two):
-    whole, (first, second) = Built.read(two).split("train"), (Split.load(folder, "train") for folder in two)
+    whole, (first, second) = BuiltData.read(two).split("train"), (Split.load(folder, "train") for folder in two)
     assert whole.names == [*first.names, *second.names] == [f"train/{n:03d}" for n in (0, 1, 2, 0, 2, 3)]
     assert whole.groups == [*first.groups, *second.groups]
     for k, (split, row) in enumerate([*((first, i) for i in range(3)), *((second, i) for i in range(3))]):
@@ -67,7 +67,7 @@ def test_a_joined_split_holds_every_object_of_its_folders_in_order(two):
 
 def test_the_fingerprint_is_a_hash_of_theirs_in_order(two):
     prints = [read_manifest(folder).fingerprint for folder in two]
-    built, swapped = Built.read(two), Built.read(two[::-1])
+    built, swapped = BuiltData.read(two), BuiltData.read(two[::-1])
     assert built.fingerprint == hashlib.sha256(json.dumps(prints).encode()).hexdigest()
     assert built.fingerprint != swapped.fingerprint
     assert built.joined == tuple(prints) == swapped.joined[::-1]
@@ -76,7 +76,7 @@ def test_the_fingerprint_is_a_hash_of_theirs_in_order(two):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_where_a_folder_lacks_a_split_the_others_serve(two, order):
-    built = Built.read(two[::order])
+    built = BuiltData.read(two[::order])
     assert built.split("test").names == ["test/000", "test/001"]
     said = built.missing()
     assert [line.partition(":")[0] for line in said] == [
@@ -87,7 +87,7 @@ def test_where_a_folder_lacks_a_split_the_others_serve(two, order):
 
 def test_a_folder_that_is_not_built_to_its_end_is_told(two, recipe, folders):
     stopped = folders(recipe("count=3", "held_out=2", "seed=9"), "train")
-    said = Built.read([two[0], stopped]).missing()
+    said = BuiltData.read([two[0], stopped]).missing()
     assert said[-1] == f"{stopped} has no split 'test': it is not built to its end"
 
 
@@ -95,49 +95,49 @@ def test_a_split_that_none_has_is_the_error_of_one_folder(recipe, folders):
     pair = [folders(recipe("count=2", f"seed={seed}")) for seed in (0, 1)]
     for some in (pair, pair[:1]):
         with pytest.raises(UserError, match=rf"{pair[0]} has no split 'test' \(it has: train\): shapes 'balls' have"):
-            Built.read(some).split("test")
+            BuiltData.read(some).split("test")
 
 
 @pytest.mark.parametrize(("key", "here", "there"), [("points", 16, 32), ("rate", 4, 2)])
 def test_folders_of_other_sizes_are_refused(two, recipe, folders, key, here, there):
     other = folders(recipe("count=2", f"{key}={there}"))
     with pytest.raises(UserError, match=rf"{two[0]} and {other} cannot be joined: {key} is {here} .* and {there} .*"):
-        Built.read([two[0], other])
+        BuiltData.read([two[0], other])
 
 
 def test_touches_of_other_sizes_are_refused_unless_there_are_none(two, recipe, folders):
     other = folders(recipe("count=2", "touch.points=10"))
     with pytest.raises(UserError, match=r"data cannot be joined: touches of 10 and 20 points"):
-        Built.read([two[0], other]).split("train")
+        BuiltData.read([two[0], other]).split("train")
     without = folders(recipe("count=2", "touches=0"))
-    none = Built.read([two[0], without]).split("train")
+    none = BuiltData.read([two[0], without]).split("train")
     assert torch.stack(list(none.touches)).numel() == 0
     assert none.coverage(0) == 0
 
 
 def test_a_folder_given_twice_is_refused_however_it_is_written(two):
     with pytest.raises(UserError, match="is given twice"):
-        Built.read([two[0], two[1], two[0] / ".." / two[0].name])
+        BuiltData.read([two[0], two[1], two[0] / ".." / two[0].name])
 
 
 def test_a_folder_of_something_else_is_refused(two, tmp_path):
     with pytest.raises(UserError, match=f"{tmp_path} holds no {MANIFEST}"):
-        Built.read([two[0], tmp_path])
+        BuiltData.read([two[0], tmp_path])
 
 
 def test_a_recipe_on_built_data_takes_all_but_its_touches(two, recipe, registry):
     wanted = recipe("touches=1", "points=32", "seed=5")
-    on = Built.read(two[:1]).lay_under(wanted, registry)
+    on = BuiltData.read(two[:1]).with_data_of(wanted, registry)
     assert (on.data.points, on.data.touches, on.data_seed, on.seed) == (16, 1, 0, 0)
     assert (on.data.shapes.options["count"], on.joined) == (3, ())
 
 
 def test_a_recipe_on_several_tells_them_apart(two, recipe, registry):
-    ons = [Built.read(some).lay_under(recipe(), registry) for some in (two, two[::-1], two[:1])]
+    ons = [BuiltData.read(some).with_data_of(recipe(), registry) for some in (two, two[::-1], two[:1])]
     assert len({on.fingerprint for on in ons}) == 3
     assert [len(on.joined) for on in ons] == [2, 2, 0]
     assert [on.data.shapes.options["count"] for on in ons] == [3, 3, 3], "the first with a split `test` says it"
-    again = Built.read(two[:1]).lay_under(ons[0], registry)
+    again = BuiltData.read(two[:1]).with_data_of(ons[0], registry)
     assert again.fingerprint == ons[2].fingerprint
 
 
@@ -145,24 +145,24 @@ def test_each_folder_needs_the_touches_that_are_asked_for(two, recipe, registry)
     text = rf"{two[0]} has 2 touches of each object, and 'data' asks for 3: .*--set touches=3"
     for some in (two, two[::-1]):
         with pytest.raises(UserError, match=text):
-            Built.read(some).lay_under(recipe("touches=3"), registry)
-    assert Built.read(two).lay_under(recipe("touches=2"), registry).data.touches == 2
+            BuiltData.read(some).with_data_of(recipe("touches=3"), registry)
+    assert BuiltData.read(two).with_data_of(recipe("touches=2"), registry).data.touches == 2
 
 
 def test_with_weights_only_the_touches_of_evaluation_are_needed(two, recipe, registry):
     eager = recipe("touches=1")
     eager = eager.model_copy(update={"train": eager.train.model_copy(update={"touches": (0, 5)})})
     with pytest.raises(UserError, match="asks for 5"):
-        Built.read(two).lay_under(eager, registry)
+        BuiltData.read(two).with_data_of(eager, registry)
     weights = {"use": "tapsr", "sha256": "0" * 64}
     plain = type(eager).model_validate(eager.model_dump() | {"weights": weights})
-    assert Built.read(two).lay_under(plain, registry).weights.use == "tapsr"
+    assert BuiltData.read(two).with_data_of(plain, registry).weights.use == "tapsr"
 
 
 def test_samplings_that_differ_are_mixed(two, recipe, registry, folders):
     even = folders(recipe("count=2", "sampling=fps"))
-    assert Built.read(two).lay_under(recipe(), registry).data.sampling == "random"
-    assert Built.read([two[0], even]).lay_under(recipe(), registry).data.sampling == "mixed"
+    assert BuiltData.read(two).with_data_of(recipe(), registry).data.sampling == "random"
+    assert BuiltData.read([two[0], even]).with_data_of(recipe(), registry).data.sampling == "mixed"
 
 
 @pytest.mark.parametrize("wish", [{"metrics": ("cd", "p2f")}, {"baselines": ("floor",)}])
@@ -175,17 +175,17 @@ def test_meshes_of_several_folders_are_refused(two, recipe, registry, folders, w
     with pytest.raises(
         UserError, match=rf"'{name}' needs the meshes, and the test objects of {two[0]} and {other} are"
     ):
-        Built.read([two[0], other]).lay_under(wanted, registry)
-    Built.read(two).lay_under(wanted, registry)  # only one has a split `test`
-    Built.read([two[0], moved]).lay_under(wanted, registry)  # the same shapes, seen anew
+        BuiltData.read([two[0], other]).with_data_of(wanted, registry)
+    BuiltData.read(two).with_data_of(wanted, registry)  # only one has a split `test`
+    BuiltData.read([two[0], moved]).with_data_of(wanted, registry)  # the same shapes, seen anew
 
 
 def test_the_card_lists_each_folder_without_where_it_lies(two):
-    first, second = Built.read(two).card()
+    first, second = BuiltData.read(two).card()
     assert first["folder"] == two[0].name
     assert first["objects"] == {"train": 3, "validation": 2, "test": 2}
     assert (second["objects"], second["settings"]["seed"]) == ({"train": 3}, 1)
-    assert [one["fingerprint"] for one in (first, second)] == list(Built.read(two).joined)
+    assert [one["fingerprint"] for one in (first, second)] == list(BuiltData.read(two).joined)
     assert str(two[0].parent) not in json.dumps([first, second])
 
 
@@ -195,12 +195,12 @@ def test_a_manifest_without_settings_is_refused(tmp_path, two):
     with pytest.raises(
         UserError, match=r"is not a manifest of pcsr data: data\.shapes: it must be given \(and 7 more\)"
     ):
-        Built.read([two[0], tmp_path])
+        BuiltData.read([two[0], tmp_path])
 
 
 def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
     folder = Path(shutil.copytree(Path(__file__).with_name("version_0_1"), tmp_path / "data"))
-    built = Built.read([folder])
+    built = BuiltData.read([folder])
     assert damaged(folder, built.manifests[0]) == ()
     assert built.split("train").names == ["train/adapter/0000", "train/arch/0000"]
     assert torch.stack(list(built.split("test").touches)).shape == (1, 2, 8, 3)
@@ -211,12 +211,12 @@ def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
     registry = load_plugins()
     plan = Plan.of(for_data("cad-parts", {}, registry, small), registry)
     assert plan.fingerprint == built.fingerprint
-    assert built.lay_under(plan.recipe, registry).data == plan.recipe.data.model_copy(update={"seed": 0})
+    assert built.with_data_of(plan.recipe, registry).data == plan.recipe.data.model_copy(update={"seed": 0})
 
 
 def test_progress_is_told_in_objects(two):
     counts = []
-    built = Built.read(two)
+    built = BuiltData.read(two)
     built.split("train", counts.append)
     assert sum(counts) == built.objects("train") == 6
     assert all(path.is_file() for path in built.shards("train"))

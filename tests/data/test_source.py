@@ -5,11 +5,11 @@ from pathlib import Path
 from rich.progress import Progress
 
 from pcsr.data import source as module
-from pcsr.data.built import Built
+from pcsr.data.built import BuiltData
 
 
 def test_reading_much_data_is_shown(monkeypatch):
-    built = Built.read([Path(__file__).with_name("version_0_1")])
+    built = BuiltData.read([Path(__file__).with_name("version_0_1")])
     for moment, described in ((module.MOMENT, []), (0, ["checking the train data"])):
         monkeypatch.setattr(module, "MOMENT", moment)
         progress = Progress(disable=True)
