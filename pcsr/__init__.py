@@ -12,7 +12,7 @@ from pcsr.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
-    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.clouds.meshes import read_mesh
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -37,7 +37,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
-    "read_mesh": "pcsr.clouds.formats.mesh",
+    "read_mesh": "pcsr.clouds.meshes",
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
-from pcsr.clouds.formats.mesh import check_faces
+from pcsr.clouds.meshes import check_faces
 from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
