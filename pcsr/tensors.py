@@ -4,8 +4,12 @@ The names cost nothing at run time. The tests switch on jaxtyping's checks, wher
 same letter within one call must have the same length.
 """
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+
+CloudArray = Float[np.ndarray, "_ 3"]
+"""One cloud in numpy, of any number of points."""
 
 Points = Float[Tensor, "b n 3"]
 Features = Float[Tensor, "b n c"]

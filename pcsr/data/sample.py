@@ -87,15 +87,15 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
                 extent=2 * sphere.radius,
                 most_distance=max(FAR / 2, 1.5 * _gap(surface) / sphere.radius),  # few points have wide gaps
             )
-    clouds = [sphere.apply(touch.points) for touch in felt]
+    clouds = [sphere.normalize(touch.points) for touch in felt]
     return Sample(
         name=item.name,
         group=item.group,
-        truth=sphere.apply(truth),
-        points=sphere.apply(points),
+        truth=sphere.normalize(truth),
+        points=sphere.normalize(points),
         touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
-        coverage=covered(sphere.apply(truth), clouds),
+        coverage=covered(sphere.normalize(truth), clouds),
         sensor="+".join(dict.fromkeys(touch.sensor for touch in felt)),
     )
 

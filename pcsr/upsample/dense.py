@@ -13,9 +13,11 @@ from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.geometry.checks import check_cloud
-from pcsr.geometry.patches import OwnFrame, patches
+from pcsr.geometry.frames import OwnFrame
+from pcsr.geometry.patches import patches
+from pcsr.tensors import CloudArray
 from pcsr.threads import threads
-from pcsr.upsample.candidates import Candidates, Cloud
+from pcsr.upsample.candidates import Candidates
 from pcsr.upsample.gaps import between, near, spread_out
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
@@ -31,9 +33,9 @@ ALONE = WorkerPool(None, 1)
 class Task:
     """One patch, and how many new points its core is to get."""
 
-    points: Cloud
+    points: CloudArray
     core: int
-    touches: list[Cloud]
+    touches: list[CloudArray]
     count: int
 
 
@@ -43,7 +45,7 @@ def densify(
     count: int,
     source: Candidates,
     *,
-    touches: Sequence[Cloud] = (),
+    touches: Sequence[CloudArray] = (),
     keep: bool = True,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
@@ -83,7 +85,7 @@ def densify(
         raise UserError(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
-    made: list[Cloud] = []
+    made: list[CloudArray] = []
     felt = unseen(cloud, touches)
     if len(felt):
         _say(cloud, felt, new)
@@ -101,7 +103,7 @@ def densify(
     return np.concatenate(made) if len(made) > 1 else made[0]
 
 
-def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
+def _say(cloud: CloudArray, felt: CloudArray, new: int) -> None:
     """What is taken for unseen may be seen, and the arm be wrong: nothing but the distance tells."""
     tree = cKDTree(cloud)
     distance, nearest = tree.query(felt)
@@ -118,14 +120,14 @@ def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
 
 
 def _one_pass(
-    cloud: Cloud,
+    cloud: CloudArray,
     new: int,
     source: Candidates,
-    touches: Sequence[Cloud],
+    touches: Sequence[CloudArray],
     keep: bool,
     pool: WorkerPool,
     advance: Callable[[int, int], None],
-) -> Cloud:
+) -> CloudArray:
     done = at = 0
     made = np.zeros((new, 3))
     work = functools.partial(_fill, source, keep)
@@ -138,7 +140,9 @@ def _one_pass(
     return made
 
 
-def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud], cores: deque[int]) -> Iterator[Task]:
+def _tasks(
+    cloud: CloudArray, new: int, source: Candidates, touches: Sequence[CloudArray], cores: deque[int]
+) -> Iterator[Task]:
     before = 0
     for patch in patches(cloud, source.size, source.size // 2):
         points = cloud[patch.rows]
@@ -149,7 +153,7 @@ def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud],
         yield Task(points, patch.core, met, share)
 
 
-def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
+def _met(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
     """What the patch has of each touch that reaches into it."""
     centre = points.mean(0)
     radius = np.linalg.norm(points - centre, axis=1).max()
@@ -158,22 +162,22 @@ def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
 
 
 @threads(1)  # a Dask worker has its own; where `densify` has set it already this costs nothing
-def _fill(source: Candidates, keep: bool, task: Task) -> Cloud:
+def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
     """The new points of one patch's core, found in the patch's own frame."""
     if task.count == 0:
         return np.zeros((0, 3))
     frame = OwnFrame.of(task.points)
-    points = frame.into(task.points)
+    points = frame.normalize(task.points)
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points = points[order]
-    candidates = source(points, [frame.into(touch) for touch in task.touches])
+    candidates = source(points, [frame.normalize(touch) for touch in task.touches])
     close, distance, nearest = near(candidates, points)
     candidates, distance, mine = candidates[close], distance[close], nearest[close] < task.core
     chosen = candidates[spread_out(candidates, distance if keep else None, mine, task.count)]
     missing = between(points, task.core, task.count - len(chosen))
-    return frame.back(np.concatenate([chosen, missing]))
+    return frame.denormalize(np.concatenate([chosen, missing]))
 
 
-def _sorted(points: Cloud) -> Int[np.ndarray, " n"]:
+def _sorted(points: CloudArray) -> Int[np.ndarray, " n"]:
     """An order that does not hang on the one that the points came in."""
     return np.lexsort(points.T)

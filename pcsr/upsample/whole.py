@@ -38,8 +38,8 @@ def upsample(
         raise UserError(f"touches: expected one size, got {[len(touch) for touch in touches]} points")
     sphere = UnitSphere.fit(points)
     device = next(network.parameters()).device
-    cloud = torch.from_numpy(sphere.apply(points))[None].to(device)
-    felt = torch.from_numpy(np.stack([sphere.apply(t) for t in touches]))[None].to(device) if len(touches) else None
-    dense = sphere.undo(network(cloud, rate, felt)[0].float().cpu().numpy())
+    cloud = torch.from_numpy(sphere.normalize(points))[None].to(device)
+    felt = torch.from_numpy(np.stack([sphere.normalize(t) for t in touches]))[None].to(device) if len(touches) else None
+    dense = sphere.denormalize(network(cloud, rate, felt)[0].float().cpu().numpy())
     check_finite(dense)
     return dense
