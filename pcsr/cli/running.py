@@ -104,8 +104,8 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         built = BuiltData.read(options.data)
         recipes = [built.with_data_of(one, registry) for one in recipes]
         where_from = " and ".join(map(str, options.data))
-        said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
-        for line in (said, *built.missing()):
+        note = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
+        for line in (note, *built.missing()):
             console.print(f"data: {line}", markup=False, soft_wrap=True)
     require({name: user for one in recipes for name, user in packages(one, registry, options).items()})
     for one in recipes:

@@ -87,13 +87,13 @@ def touch(
     if len(touches) != count:
         raise UserError(f"{mesh}: touch '{source}' gave {len(touches)} touches where {count} were asked for")
     areas = [one.contact_area for one in touches if one.contact_area is not None]
-    felt = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
+    covered = f", {coverage(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
     length = item.mesh.extents.max() * touches[0].unit
     write(folder, touches, overwrite=overwrite)  # last, so that nothing is left of a command that was stopped before
     click.echo(
         f"{folder}: {count} touches of {mesh.name} ({length:.4g} mm long) by {touches[0].sensor}, "
         f"{len(touches[0].points)} points each"
-        + (f", contacts of {min(areas):.0f} to {max(areas):.0f} mm²{felt}" if areas else "")
+        + (f", contacts of {min(areas):.0f} to {max(areas):.0f} mm²{covered}" if areas else "")
     )
 
 
@@ -101,7 +101,7 @@ def _check_beside(cloud: "Float[np.ndarray, 'n 3']", mesh: "trimesh.Trimesh", fi
     """Refuse a cloud that cannot be of this mesh.
 
     Raises:
-        UserError: it is of another size, or lies elsewhere; both sizes are said.
+        UserError: it is of another size, or lies elsewhere; the message gives both sizes.
     """
     import numpy as np
 

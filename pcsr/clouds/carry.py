@@ -59,38 +59,40 @@ def carry(
     tree = KDTree(scaled(np.asarray(old_points, np.float64), -power))
     for start in range(0, len(new_points), CHUNK):
         rows = slice(start, start + CHUNK)
-        near, weight = _near(tree, scaled(np.asarray(new_points[rows], np.float64), -power), min(k, len(old_points)))
+        nearby, weight = _nearby(
+            tree, scaled(np.asarray(new_points[rows], np.float64), -power), min(k, len(old_points))
+        )
         for name, column in columns.items():
             if name not in of_group:
                 mixed = column.dtype.kind == "f" or (name in colours and column.dtype.kind in "iu")
-                carried[name][rows] = _mean(column, near, weight) if mixed else column[near[:, 0]]
+                carried[name][rows] = _mean(column, nearby, weight) if mixed else column[nearby[:, 0]]
         for group in groups:
             normals = np.column_stack([columns[name] for name in group])
-            for name, part in zip(group, _directions(normals, near, weight, len(group)), strict=True):
+            for name, part in zip(group, _directions(normals, nearby, weight, len(group)), strict=True):
                 carried[name][rows] = part
     return carried
 
 
-def _near(
+def _nearby(
     tree: KDTree, points: Float64[np.ndarray, "m 3"], k: int
 ) -> tuple[Int[np.ndarray, "m k"], Float64[np.ndarray, "m k"]]:
     """The nearest old points, the nearest first, and the weight of each; the first's is 1."""
-    distance, near = tree.query(points, k=range(1, k + 1), workers=-1)
+    distance, nearby = tree.query(points, k=range(1, k + 1), workers=-1)
     first = distance[:, :1]
     with np.errstate(invalid="ignore", divide="ignore"):
         weight = first / distance
     # On top of an old point that one alone counts.
     weight[:] = np.where(first > 0, weight, 0.0)
     weight[:, 0] = 1.0
-    return near, weight
+    return nearby, weight
 
 
-def _mean(column: np.ndarray, near: Int[np.ndarray, "m k"], weight: Float64[np.ndarray, "m k"]) -> np.ndarray:
+def _mean(column: np.ndarray, nearby: Int[np.ndarray, "m k"], weight: Float64[np.ndarray, "m k"]) -> np.ndarray:
     """Weighted means of what the near points have, in the column's type."""
-    nearest = column[near[:, 0]]
+    nearest = column[nearby[:, 0]]
     shares = (weight / weight.sum(axis=1, keepdims=True)).reshape(weight.shape + (1,) * (column.ndim - 1))
     with np.errstate(invalid="ignore", over="ignore"):
-        values = column[near].astype(np.float64)
+        values = column[nearby].astype(np.float64)
         # As a step from the nearest, so that what is the same everywhere stays exactly the same.
         mean = values[:, 0] + (shares * (values - values[:, :1])).sum(axis=1)
         if column.dtype.kind in "iu":
@@ -108,11 +110,14 @@ def _alone(weight: Float64[np.ndarray, "m k"]) -> Bool[np.ndarray, " m"]:
 
 
 def _directions(
-    normals: Float[np.ndarray, "n 3"], near: Int[np.ndarray, "m k"], weight: Float64[np.ndarray, "m k"], parts: int
+    normals: Float[np.ndarray, "n 3"],
+    nearby: Int[np.ndarray, "m k"],
+    weight: Float64[np.ndarray, "m k"],
+    parts: int,
 ) -> list[np.ndarray]:
     """Mean normals of length 1, as three columns of one number or as one of three."""
-    values = normals[near].astype(np.float64)
-    nearest = normals[near[:, 0]]
+    values = normals[nearby].astype(np.float64)
+    nearest = normals[nearby[:, 0]]
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         total = (weight[..., None] * values).sum(axis=1)
         length = np.linalg.norm(total, axis=1, keepdims=True)

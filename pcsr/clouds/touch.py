@@ -1,4 +1,4 @@
-"""One touch: the patch of surface that a fingertip felt, and where the finger was."""
+"""One touch: the patch of surface that a fingertip touched, and the pose of the finger."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from pcsr.errors import UserError
 
 @dataclass(frozen=True)
 class Touch:
-    """The points that one touch felt, in the object's frame and unit.
+    """The touched points of one touch, in the object's frame and unit.
 
     Most touches are one finger's. A grasp is one touch too, of several fingers at once.
     """
@@ -20,7 +20,7 @@ class Touch:
     points: Float[np.ndarray, "m 3"]
     """Contact points in the object's frame and unit."""
     finger: Int[np.ndarray, " m"]
-    """Which finger felt each point: an index into `poses`; all 0 where one finger touches."""
+    """Which finger touched each point: an index into `poses`; all 0 where one finger touches."""
     poses: Float[np.ndarray, "fingers 4 4"]
     """For each finger, sensor to object: from millimetres in the sensor's frame to the object's frame and unit.
 
@@ -29,7 +29,7 @@ class Touch:
     unit: float
     """The object's unit in millimetres: 1000 where it is the metre."""
     sensor: str
-    """Name of the sensor that felt it."""
+    """Name of the sensor."""
     contact_area: float | None
     """Area of the contact in the planes of the gels, in square millimetres; None where nobody measured it."""
 
@@ -74,13 +74,13 @@ class Touch:
         """
         n = len(self.points)
         if n == 0:
-            raise UserError(f"a touch by '{self.sensor}' felt no points: there is nothing to draw {count} from")
+            raise UserError(f"a touch by '{self.sensor}' has no points: there is nothing to draw {count} from")
         drawn = np.concatenate([rng.permutation(n) for _ in range(-(-count // n))])[:count]
         return replace(self, points=self.points[drawn], finger=self.finger[drawn])
 
 
 def coverage(touches: Sequence[Touch], area: float) -> float:
-    """The share of an object's surface that its touches felt, from 0 to 1; what two felt counts once.
+    """The share of an object's surface that its touches cover, from 0 to 1; what two of them cover counts once.
 
     A touch adds its contact area, less the share of its points that lie among those of an earlier touch. The
     contact is measured in the gel's plane, so that on slopes the coverage is a little low.
@@ -99,22 +99,22 @@ def coverage(touches: Sequence[Touch], area: float) -> float:
     low = np.array([touch.points.min(0) - radius for touch, radius in zip(touches, radii, strict=True)])
     high = np.array([touch.points.max(0) + radius for touch, radius in zip(touches, radii, strict=True)])
     trees: dict[int, KDTree] = {}
-    felt = 0.0
+    covered = 0.0
     for index, touch in enumerate(touches):
         new = touch.points
         over = (low[:index] <= new.max(0)) & (high[:index] >= new.min(0))
-        near = np.flatnonzero(over.all(1))
+        overlapping = np.flatnonzero(over.all(1))
         # The nearest first: they are the likeliest to leave nothing new, and then the others need not be asked.
-        middles = (low[near] + high[near]) / 2
-        for earlier in near[np.argsort(np.linalg.norm(middles - new.mean(0), axis=1), kind="stable")].tolist():
+        middles = (low[overlapping] + high[overlapping]) / 2
+        for earlier in overlapping[np.argsort(np.linalg.norm(middles - new.mean(0), axis=1), kind="stable")].tolist():
             if earlier not in trees:
                 trees[earlier] = KDTree(touches[earlier].points)
             distance, _ = trees[earlier].query(new, distance_upper_bound=radii[earlier])
             new = new[~np.isfinite(distance)]
             if len(new) == 0:
                 break
-        felt += areas[index] / touch.unit**2 * len(new) / len(touch.points)
-    return float(min(1.0, felt / area))
+        covered += areas[index] / touch.unit**2 * len(new) / len(touch.points)
+    return float(min(1.0, covered / area))
 
 
 def _area(touch: Touch, index: int) -> float:

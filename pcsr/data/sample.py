@@ -20,8 +20,8 @@ from pcsr.recipe import Data
 
 FAR = 0.25
 """The largest median distance of a touch from the surface, in radii of the object."""
-NEAR = 2.0
-"""A truth point is felt if a touched point lies within this many of their usual distances."""
+REACH = 2.0
+"""The reach of a touched point, in mean distances between neighbouring touched points."""
 
 KINDS = ("random", "poisson", "fps", "view")
 """Of sparse clouds: what `mixed` draws from, object by object."""
@@ -39,7 +39,7 @@ class Sample:
     sphere: UnitSphere
     """Maps the object's own frame to this one."""
     coverage: tuple[float, ...]
-    """The share of the truth that the first touch felt, that the first two felt, and so on."""
+    """The share of the truth that the first touch reaches, that the first two reach, and so on."""
     sensor: str
 
 
@@ -61,11 +61,11 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
     rng = np.random.default_rng(item_seed(seed, item.name))
     truth = _truth(item.mesh, data, rng)
     points = _sparse(item, truth, data, rng)
-    felt = source.touches(item, points.copy(), touches, int(rng.integers(2**31))) if touches else []
-    sizes = {len(touch.points) for touch in felt}
-    if len(felt) != touches or len(sizes) > 1 or 0 in sizes:
+    touched = source.touches(item, points.copy(), touches, int(rng.integers(2**31))) if touches else []
+    sizes = {len(touch.points) for touch in touched}
+    if len(touched) != touches or len(sizes) > 1 or 0 in sizes:
         raise UserError(
-            f"{item.name}: its touch source gave {[len(touch.points) for touch in felt]} points, "
+            f"{item.name}: its touch source gave {[len(touch.points) for touch in touched]} points, "
             f"where {touches} touches of one size were asked for"
         )
     with np.errstate(all="ignore"):
@@ -76,7 +76,7 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
             f"squared to: scale it"
         )
     surface = KDTree(truth)
-    for number, touch in enumerate(felt):
+    for number, touch in enumerate(touched):
         finite = bool(np.isfinite(touch.points).all())
         away = float(np.median(surface.query(touch.points)[0])) / sphere.radius if finite else np.inf
         if away > FAR:
@@ -87,7 +87,7 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
                 extent=2 * sphere.radius,
                 most_distance=max(FAR / 2, 1.5 * _gap(surface) / sphere.radius),  # few points have wide gaps
             )
-    clouds = [sphere.normalize(touch.points) for touch in felt]
+    clouds = [sphere.normalize(touch.points) for touch in touched]
     return Sample(
         name=item.name,
         group=item.group,
@@ -96,7 +96,7 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
         touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
         coverage=covered(sphere.normalize(truth), clouds),
-        sensor="+".join(dict.fromkeys(touch.sensor for touch in felt)),
+        sensor="+".join(dict.fromkeys(touch.sensor for touch in touched)),
     )
 
 
@@ -105,28 +105,28 @@ def item_seed(seed: int, name: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
 
 
-def felt_points(
+def touched_points(
     truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]
 ) -> Bool[np.ndarray, "a g"]:
-    """For each touch, the points of the truth that it feels.
+    """For each touch, a mask of the truth points that it reaches.
 
-    A point is felt if a touched point lies within twice the mean distance from a touched point to its nearest.
+    A point is reached if a touched point lies within twice the mean distance from a touched point to its nearest.
     Measured on the clouds themselves, so that it means the same for every touch source.
     """
-    felt = np.zeros((len(touches), len(truth)), bool)
-    for row, touch in zip(felt, touches, strict=True):
+    within = np.zeros((len(touches), len(truth)), bool)
+    for row, touch in zip(within, touches, strict=True):
         tree = KDTree(np.unique(touch, axis=0))  # where a touch had too few points they are repeated
         if tree.n > 1:
-            reach = NEAR * _gap(tree)
+            reach = REACH * _gap(tree)
             # Most of the truth is far from a touch: what a box tells need not be asked.
             around = ((truth >= tree.mins - reach) & (truth <= tree.maxes + reach)).all(1)
             row[around] = np.isfinite(tree.query(truth[around], distance_upper_bound=reach)[0])
-    return felt
+    return within
 
 
 def covered(truth: Float[np.ndarray, "g 3"], touches: Sequence[Float[np.ndarray, "m 3"]]) -> tuple[float, ...]:
-    """The share of the truth's points that the first touch feels (`felt_points`), the first two, and so on."""
-    by_any = np.logical_or.accumulate(felt_points(truth, touches))
+    """The share of the truth's points that the first touch reaches (`touched_points`), the first two, and so on."""
+    by_any = np.logical_or.accumulate(touched_points(truth, touches))
     return tuple(by_any.mean(1).tolist())
 
 

@@ -176,5 +176,5 @@ def parsed(model: type[Model], text: str | bytes) -> Model:
         first, *others = error.errors(include_url=False)
         path = ".".join(str(key) for key in first["loc"] if key != "[key]")
         wrong = "it must be given" if first["type"] == "missing" else explained([first])
-        said = f"{path}: {wrong}" if path else wrong
-        raise ValueError(f"{said} (and {len(others)} more)" if others else said) from error
+        message = f"{path}: {wrong}" if path else wrong
+        raise ValueError(f"{message} (and {len(others)} more)" if others else message) from error

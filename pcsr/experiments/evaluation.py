@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from pcsr.contracts import ShapeSource
 from pcsr.data.dataset import Split
-from pcsr.data.sample import felt_points, item_seed
+from pcsr.data.sample import item_seed, touched_points
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.sampling import poisson_points
 from pcsr.metrics import METRICS, Mesh
@@ -198,7 +198,9 @@ def _touch_effect(
 ) -> TouchEffect:
     """What touch does to the first method."""
     touches = [touch[: recipe.data.touches] for touch in split.touches]
-    felt = [felt_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)]
+    felt = [
+        touched_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)
+    ]
     with_touches, *others = ([_tensor(cloud) for cloud in timed.clouds] for timed in made)
     return touch_effect(
         split.truth,

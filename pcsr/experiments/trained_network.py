@@ -154,10 +154,10 @@ def _kept(
 def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
     """A network with the weights of a file, and what its card says of their training."""
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always", PcsrWarning)
         network, recipe, card = load_weights(path, registry)
-    for one in said:
+    for one in warned:
         progress.console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     differs = other_code(recipe, card, registry)
     marked = {} if differs is None else {"other_code": f"{path} was {differs}"}

@@ -1,4 +1,4 @@
-"""A dense cloud of the right number of points, evenly spaced, with the points that were touched in their places."""
+"""A dense cloud of the right number of points, evenly spaced, with touched points kept exactly where they are."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -35,13 +35,13 @@ def even_subset(points: Float[np.ndarray, "n 3"], count: int, touched: int = 0) 
         return farthest_points(points, count)
     guessed = len(points) - touched
     gap = spacing(points[touched:] if guessed > 1 else points, count)
-    felt = farthest_points(points[:touched], touched)
-    felt = felt[: max(first_apart(points[felt], APART * gap), count - guessed)]
+    apart = farthest_points(points[:touched], touched)
+    apart = apart[: max(first_apart(points[apart], APART * gap), count - guessed)]
     tree = cKDTree(points[:touched])
     clear = np.flatnonzero(np.isinf(tree.query(points[touched:], distance_upper_bound=CLEAR * gap)[0]))
-    if len(felt) + len(clear) < count:
-        clear = tree.query(points[touched:])[0].argsort(kind="stable")[len(felt) - count :]
-    left = np.concatenate([felt, touched + clear])
+    if len(apart) + len(clear) < count:
+        clear = tree.query(points[touched:])[0].argsort(kind="stable")[len(apart) - count :]
+    left = np.concatenate([apart, touched + clear])
     kept: Int[np.ndarray, " count"] = left[farthest_points(points[left], count)]
     return kept
 

@@ -59,9 +59,9 @@ def expand(source: Source) -> Iterator[Source]:
         return
     labels = [_labels(axis, values) for axis, values in matrix.items()]
     written, source = source, source.copy()
-    for places in (source.values, source.names):  # those of the matrix would be copied for each run
-        for keys in [keys for keys in places if keys[:1] == ("matrix",)]:
-            del places[keys]
+    for locations in (source.values, source.names):  # those of the matrix would be copied for each run
+        for keys in [keys for keys in locations if keys[:1] == ("matrix",)]:
+            del locations[keys]
     for row in itertools.product(*(range(len(values)) for values in matrix.values())):
         run = source.copy()
         for (axis, values), index in zip(matrix.items(), row, strict=True):

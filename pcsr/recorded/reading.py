@@ -207,8 +207,8 @@ def _finger(folder: Path, recorded: Recorded, entry: Entry) -> Touch:
         return Touch.single(points, ours, recorded.object_unit, sensor, entry.contact_area)
     if ours is None:
         raise UserError("pose is missing: where the sensor was must be known to place what it saw; add it")
-    felt, area = _seen(folder, entry)
-    return Touch.single(transformed(ours, felt), ours, recorded.object_unit, sensor, area)
+    touched, area = _seen(folder, entry)
+    return Touch.single(transformed(ours, touched), ours, recorded.object_unit, sensor, area)
 
 
 def _in_object(

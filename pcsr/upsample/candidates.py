@@ -80,23 +80,23 @@ class Networked(Candidates):
         def tensor(cloud: CloudArray) -> torch.Tensor:
             return torch.from_numpy(cloud.astype(np.float32)).to(device)
 
-        felt = self._felt(touches)
-        heard = torch.stack([tensor(touch) for touch in felt])[None] if felt else None
-        dense = self.network.candidates(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
+        chosen = self._chosen(touches)
+        touched = torch.stack([tensor(touch) for touch in chosen])[None] if chosen else None
+        dense = self.network.candidates(tensor(points)[None], self.rate, touched)[0].float().cpu().numpy()
         check_finite(dense)
-        made: CloudArray = dense.astype(np.float64)
-        return made
+        candidates: CloudArray = dense.astype(np.float64)
+        return candidates
 
-    def _felt(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
+    def _chosen(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
         """As many touches of as many points as the network knows: the nearest ones, thinned or repeated."""
         nearest = sorted(touches, key=lambda touch: float(np.linalg.norm(touch.mean(0))))[: self.most_touches]
-        felt = []
+        chosen = []
         for touch in nearest:
             rows = np.lexsort(touch.T)  # whatever order they came in
             rng = np.random.default_rng(len(rows))
             drawn = [rng.permutation(rows) for _ in range(math.ceil(self.touch_points / len(rows)))]
-            felt.append(touch[np.concatenate(drawn)[: self.touch_points]])
-        return felt
+            chosen.append(touch[np.concatenate(drawn)[: self.touch_points]])
+        return chosen
 
 
 def _touch_points(source: PartSpec) -> int:

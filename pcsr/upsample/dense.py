@@ -18,7 +18,7 @@ from pcsr.geometry.patches import patches
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
-from pcsr.upsample.gaps import between, near, spread_out
+from pcsr.upsample.gaps import between, spread_out, within_reach
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
 
@@ -86,11 +86,11 @@ def densify(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
     made: list[CloudArray] = []
-    felt = unseen(cloud, touches)
-    if len(felt):
-        _say(cloud, felt, new)
-        made = [felt[:new]]
-        cloud, n, new = np.concatenate([cloud, felt]), n + len(felt), new - len(made[0])
+    touched = unseen(cloud, touches)
+    if len(touched):
+        _warn_of_unseen(cloud, touched, new)
+        made = [touched[:new]]
+        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(made[0])
     while new > source.rate * n:  # in as many passes as it takes
         # Equal steps, each as large as the source can go.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
@@ -103,16 +103,16 @@ def densify(
     return np.concatenate(made) if len(made) > 1 else made[0]
 
 
-def _say(cloud: CloudArray, felt: CloudArray, new: int) -> None:
+def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
     """What is taken for unseen may be seen, and the arm be wrong: nothing but the distance tells."""
     tree = cKDTree(cloud)
-    distance, nearest = tree.query(felt)
+    distance, nearest = tree.query(touched)
     spacing = tree.query(cloud[nearest], k=FEWEST)[0].mean(1)
-    if new >= len(felt) and (distance <= GAP * spacing).all():
+    if new >= len(touched) and (distance <= GAP * spacing).all():
         return
-    more = f"; only {new} of them fit into the count, so ask for more points" if new < len(felt) else ""
+    more = f"; only {new} of them fit into the count, so ask for more points" if new < len(touched) else ""
     warnings.warn(
-        f"{len(felt)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
+        f"{len(touched)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
         f"surface that it does not show: if it does show it there, these touches are misplaced{more}",
         PcsrWarning,
         stacklevel=5,
@@ -171,7 +171,7 @@ def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points = points[order]
     candidates = source(points, [frame.normalize(touch) for touch in task.touches])
-    close, distance, nearest = near(candidates, points)
+    close, distance, nearest = within_reach(candidates, points)
     candidates, distance, mine = candidates[close], distance[close], nearest[close] < task.core
     chosen = candidates[spread_out(candidates, distance if keep else None, mine, task.count)]
     missing = between(points, task.core, task.count - len(chosen))

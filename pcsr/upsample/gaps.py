@@ -29,7 +29,7 @@ def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     return limited
 
 
-def near(
+def within_reach(
     candidates: Float[np.ndarray, "c 3"], points: Float[np.ndarray, "n 3"]
 ) -> tuple[Bool[np.ndarray, " c"], Float[np.ndarray, " c"], Int[np.ndarray, " c"]]:
     """Which candidates are new and bridge no gap wider than the cloud's spacing.

@@ -46,14 +46,14 @@ def upsample_patches(
     """
     sphere = UnitSphere.fit(points)
     cloud = sphere.normalize(points)
-    felt = np.stack([sphere.normalize(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
+    touched = np.stack([sphere.normalize(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
     goal = rate * len(points)
     while len(cloud) < goal:
-        cloud = _pass(network, cloud, felt, patches)
+        cloud = _pass(network, cloud, touched, patches)
     return sphere.denormalize(cloud)
 
 
-def _pass(network: Network, cloud: CloudArray, felt: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
+def _pass(network: Network, cloud: CloudArray, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
     """Every patch through the network once."""
     device = next(network.parameters()).device
     goal = patches.rate * len(cloud)
@@ -68,8 +68,9 @@ def _pass(network: Network, cloud: CloudArray, felt: Float[np.ndarray, "a m 3"],
         spheres = [UnitSphere.fit(start[patch]) for patch in some]
         inside = torch.from_numpy(np.stack([s.normalize(start[p]) for s, p in zip(spheres, some, strict=True)]))
         touches, mask = None, None
-        if len(felt):
-            touches = torch.from_numpy(np.stack([[s.normalize(touch) for touch in felt] for s in spheres])).to(device)
+        if len(touched):
+            in_spheres = np.stack([[sphere.normalize(touch) for touch in touched] for sphere in spheres])
+            touches = torch.from_numpy(in_spheres).to(device)
             mask = in_patch(touches)
         dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
         made += [sphere.denormalize(one) for sphere, one in zip(spheres, dense, strict=True)]

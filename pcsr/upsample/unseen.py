@@ -33,18 +33,18 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[CloudArray]) -> C
     """
     if not touches:
         return np.zeros((0, 3))
-    felt = np.unique(np.concatenate(touches), axis=0)
+    touched = np.unique(np.concatenate(touches), axis=0)
     seen = np.unique(points, axis=0)  # beside a copy of itself no point has a spacing
     own = spacing(seen)
-    distance, nearest = cKDTree(seen).query(felt)
-    felt = felt[distance > REACH * own[nearest]]
-    if len(felt) == 0:
+    distance, nearest = cKDTree(seen).query(touched)
+    touched = touched[distance > REACH * own[nearest]]
+    if len(touched) == 0:
         return np.zeros((0, 3))
     apart, count = EVEN * float(np.median(own)), FIRST  # the nearest are at a border, and sparser than the rest
     while True:  # a recording may hold a million points, of which a few hundred are kept
-        ordered: CloudArray = felt[farthest_points(felt, min(count, len(felt)))]
+        ordered: CloudArray = touched[farthest_points(touched, min(count, len(touched)))]
         kept = first_apart(ordered, apart)
-        if kept < len(ordered) or kept == len(felt):
+        if kept < len(ordered) or kept == len(touched):
             break
         count *= 4
     return ordered[:kept]

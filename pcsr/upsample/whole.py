@@ -39,7 +39,8 @@ def upsample(
     sphere = UnitSphere.fit(points)
     device = next(network.parameters()).device
     cloud = torch.from_numpy(sphere.normalize(points))[None].to(device)
-    felt = torch.from_numpy(np.stack([sphere.normalize(t) for t in touches]))[None].to(device) if len(touches) else None
-    dense = sphere.denormalize(network(cloud, rate, felt)[0].float().cpu().numpy())
+    inside = [torch.from_numpy(sphere.normalize(touch)) for touch in touches]
+    touched = torch.stack(inside)[None].to(device) if inside else None
+    dense = sphere.denormalize(network(cloud, rate, touched)[0].float().cpu().numpy())
     check_finite(dense)
     return dense

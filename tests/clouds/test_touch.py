@@ -87,7 +87,7 @@ def test_thinned_is_random_and_repeatable():
 
 
 def test_a_touch_of_nothing_cannot_be_thinned():
-    with pytest.raises(UserError, match="a touch by 'pad' felt no points"):
+    with pytest.raises(UserError, match="a touch by 'pad' has no points"):
         felt(0).resampled(4, np.random.default_rng(0))
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from pcsr import ShapeItem, Touch, TouchSource, UserError
-from pcsr.data.sample import KINDS, covered, felt_points, item_seed, make_sample
+from pcsr.data.sample import KINDS, covered, item_seed, make_sample, touched_points
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=2.0).apply_translation([10.0, 0.0, 0.0])
 ITEM = ShapeItem("shelf/ball", "balls", BALL)
@@ -175,10 +175,10 @@ def test_coverage_is_the_share_that_any_of_the_touches_felt(seed):
     rng = np.random.default_rng(seed)
     truth = rng.uniform(-1, 1, (40, 3))
     touches = [rng.uniform(-0.5, 0.5, (6, 3)) for _ in range(3)]
-    felt = felt_points(truth, touches)
+    felt = touched_points(truth, touches)
     assert felt.shape == (3, 40)
     assert covered(truth, touches) == tuple(felt[: k + 1].any(0).mean() for k in range(3))
     for row, touch in zip(felt, touches, strict=True):
-        assert np.array_equal(felt_points(truth, [touch])[0], row), "a touch feels the same beside others"
-    assert felt_points(truth, []).shape == (0, 40)
+        assert np.array_equal(touched_points(truth, [touch])[0], row), "a touch feels the same beside others"
+    assert touched_points(truth, []).shape == (0, 40)
     assert covered(truth, []) == ()

@@ -236,8 +236,8 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
         with np.errstate(over="ignore", invalid="ignore"):  # what no double holds is not finite: looked at later
             return read(data)
     except UserError as error:
-        said = str(error)  # with names and numbers of the file, however long they are
-        raise UserError(f"{name}: {said if len(said) <= LONGEST else said[:LONGEST] + '…'}") from error
+        reason = str(error)  # with names and numbers of the file, however long they are
+        raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
         reason = textwrap.shorten(reason, 200) or type(error).__name__

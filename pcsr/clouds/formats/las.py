@@ -114,14 +114,14 @@ def _write(cloud: Cloud, *, compress: bool) -> bytes:
         columns |= colours
     header.remove_extra_dims([name for name in header.point_format.extra_dimension_names if name not in columns])
     placed = {_place(header, laspy, name, column, columns): column for name, column in columns.items()}
-    places = np.rint((cloud.points - header.offsets) / header.scales)
-    if np.abs(places).max() > RANGE:
+    integers = np.rint((cloud.points - header.offsets) / header.scales)
+    if np.abs(integers).max() > RANGE:
         raise UserError(
             f"the coordinates reach {np.abs(cloud.points).max():g}, beyond what the scales {list(header.scales)} and "
             f"offsets {list(header.offsets)} of the file that it was read from allow: write a .ply"
         )
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header))
-    las.X, las.Y, las.Z = places.astype(np.int32).T
+    las.X, las.Y, las.Z = integers.astype(np.int32).T
     try:
         for name, column in placed.items():
             las[name] = _storable(column)

@@ -87,18 +87,18 @@ def _check_header(data: bytes) -> None:
             f"it cannot be read as a .pcd file: its header has no line DATA within {HEADER} bytes: it is cut off"
         )
     lines = data[: end.start()].decode("utf-8", "replace").splitlines()
-    said = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
-    fields = said.get("FIELDS", [])
+    header = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
+    fields = header.get("FIELDS", [])
     if not fields:
         raise UserError("its header has no line FIELDS")
-    sizes, counts = (_wholes(said, key, len(fields)) for key in ("SIZE", "COUNT"))
-    if len(said.get("TYPE", [])) != len(fields) or not set(zip(said["TYPE"], sizes, strict=True)) <= KINDS:
+    sizes, counts = (_wholes(header, key, len(fields)) for key in ("SIZE", "COUNT"))
+    if len(header.get("TYPE", [])) != len(fields) or not set(zip(header["TYPE"], sizes, strict=True)) <= KINDS:
         raise UserError("its TYPE and SIZE must be one of I and U with 1, 2, 4, 8 and F with 4, 8 for each field")
     if sum(counts) > WIDEST:
-        raise UserError(f"its COUNT is {' '.join(said['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
-    (points,) = _wholes(said, "POINTS", 1)
-    _wholes(said, "WIDTH", 1)
-    _wholes(said, "HEIGHT", 1)
+        raise UserError(f"its COUNT is {' '.join(header['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
+    (points,) = _wholes(header, "POINTS", 1)
+    _wholes(header, "WIDTH", 1)
+    _wholes(header, "HEIGHT", 1)
     rest, encoding = data[end.end() :], end[1].decode()
     whole = points * sum(size * count for size, count in zip(sizes, counts, strict=True))
     if encoding == "ascii":
@@ -118,9 +118,9 @@ def _check_header(data: bytes) -> None:
         raise UserError(f"its DATA is '{encoding[:80]}': ascii, binary and binary_compressed are known")
 
 
-def _wholes(said: dict[str, list[str]], key: str, count: int) -> list[int]:
+def _wholes(header: dict[str, list[str]], key: str, count: int) -> list[int]:
     """The whole numbers of a line of the header."""
-    words = said.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
+    words = header.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
     if len(words) < count or not all(word.isdecimal() and len(word) < DIGITS for word in words[:count]):
         raise UserError(f"its {key} is '{' '.join(words)[:80]}': {count} whole numbers are needed")
     return [int(word) for word in words[:count]]

@@ -57,9 +57,9 @@ def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
     coordinates = _coordinates(names, must=comma) if names else [0, 1, 2]
     if beside and names and width != len(names) and first:
         raise UserError(f"its line of names has {len(names)} columns, the line after it has {width}")
-    told = names or (_commented(text, width) if beside else [])
-    if told and not names:
-        coordinates = _coordinates(told, must=False)
+    named = names or (_commented(text, width) if beside else [])
+    if named and not names:
+        coordinates = _coordinates(named, must=False)
     table = _numbers(text, bare, comma, bool(names), width if beside else None, coordinates)
     if not len(table):
         raise UserError("it holds no points")
@@ -67,7 +67,7 @@ def _read(data: bytes, *, comma: bool, beside: bool) -> Cloud:
     columns: dict[str, np.ndarray] = {}
     for i in range(width if beside else 0):
         if i not in coordinates:
-            name = unused((told[i] if told else "") or f"c{i}", [*columns, "x", "y", "z"])
+            name = unused((named[i] if named else "") or f"c{i}", [*columns, "x", "y", "z"])
             column = np.ascontiguousarray(table[f"{i}"])
             # Normals along the axes may be written without a point.
             columns[name] = column.astype(np.float64) if name.lower() in NORMALS else column
@@ -149,8 +149,8 @@ def _numbers(text: str, bare: str, comma: bool, named: bool, width: int | None, 
             if not integers:
                 return _careful(_split(text, comma), named, width, wanted)
             # One column holds an integer in the first row and something else further down.
-            told = re.search(r"column (\d+)", str(error))
-            integers = integers - {int(told[1]) - 1} if told and int(told[1]) - 1 in integers else set()
+            column = re.search(r"column (\d+)", str(error))
+            integers = integers - {int(column[1]) - 1} if column and int(column[1]) - 1 in integers else set()
 
 
 def _quick(text: str, kinds: list[tuple[str, str]], gap: str | None, only: list[int] | None) -> np.ndarray:

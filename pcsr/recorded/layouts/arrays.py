@@ -25,16 +25,16 @@ def joined(name: str, fingers: Callable[[], Sequence[Touch | None]], per: str) -
         per: "grasp" or "finger".
     """
     try:
-        felt = fingers()
+        gathered = fingers()
     except UserError as error:
         yield name, str(error)
         return
     if per == "finger":
-        for number, touch in enumerate(felt):
+        for number, touch in enumerate(gathered):
             yield f"{name}/{number}", touch or "this finger felt nothing"
         return
-    touched = [touch for touch in felt if touch is not None]
-    yield name, Touch.grasp(touched) if touched else f"none of its {len(felt)} fingers felt anything"
+    touched = [touch for touch in gathered if touch is not None]
+    yield name, Touch.grasp(touched) if touched else f"none of its {len(gathered)} fingers felt anything"
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:

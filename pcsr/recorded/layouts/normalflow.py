@@ -70,9 +70,9 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
             motion = check_matrix(np.array(motions[index], np.float64), 1.0, f"{path}: pose {index}")
             motion[:3, 3] *= METRE
             height, face = _surface(gradients[index], masks[index], options.mm_per_pixel)
-            felt, area = height_contact(face - height, options.mm_per_pixel, masks[index] != 0)
+            touched, area = height_contact(face - height, options.mm_per_pixel, masks[index] != 0)
             pose = start @ motion @ offset_z(face) @ rotation_from("+z")
-            points = transformed(pose, felt)
+            points = transformed(pose, touched)
             yield name, Touch.single(points, pose, options.object_unit, options.sensor, area)
         except UserError as error:
             yield name, str(error)

@@ -52,8 +52,8 @@ def _fingers(action: Path, face: float) -> list[Touch | None]:
 def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     if not points.is_file():
         return None
-    felt = numbers(load_numpy(points), (None, 3), str(points))
-    if len(felt) == 0:
+    touched = numbers(load_numpy(points), (None, 3), str(points))
+    if len(touched) == 0:
         return None
     where = load_numpy(frame)
     if not isinstance(where, dict) or not {"pos", "rot"} <= where.keys():
@@ -62,4 +62,4 @@ def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
     rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
     pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ rotation_from("+x") @ offset_z(-face)
-    return Touch.single(felt, pose, METRE, "smith-2021")
+    return Touch.single(touched, pose, METRE, "smith-2021")

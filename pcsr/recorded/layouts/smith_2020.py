@@ -67,14 +67,14 @@ def _fingers(path: Path) -> list[Touch | None]:
 def _finger(place: Any, angles: Any, success: Any, points: Any, name: str) -> Touch | None:
     if not _truth(success, name):
         return None
-    felt = numbers(points, (None, 3), f"{name}: points")
-    if len(felt) == 0:
+    touched = numbers(points, (None, 3), f"{name}: points")
+    if len(touched) == 0:
         return None
     rigid = np.eye(4)
     rigid[:3, :3] = Rotation.from_euler("xyz", numbers(angles, (3,), f"{name}: cam_rot")).as_matrix()
     rigid[:3, 3] = numbers(place, (3,), f"{name}: cam_pos") - LIFT
     pose = in_object(rigid, METRE, SCALE * METRE) @ rotation_from("+x")
-    return Touch.single((felt - LIFT) / SCALE, pose, SCALE * METRE, "smith-2020")
+    return Touch.single((touched - LIFT) / SCALE, pose, SCALE * METRE, "smith-2020")
 
 
 def _truth(value: Any, name: str) -> bool:

@@ -91,9 +91,9 @@ def _touch(folder: Path, name: str, pose: Callable[[], Float[np.ndarray, "4 4"]]
     rows, columns = heights.shape
     focal = 0.5 * rows / math.tan(HALF_VIEW)
     camera = Intrinsics(fx=focal, fy=focal, cx=columns / 2, cy=rows / 2)
-    felt, area = depth_contact(FACE - heights * LEVEL, camera, FACE, contact)
+    touched, area = depth_contact(FACE - heights * LEVEL, camera, FACE, contact)
     placed = in_object(pose(), METRE, METRE) @ offset_z(-FACE)
-    return Touch.single(transformed(placed, felt), placed, METRE, "digit", area)
+    return Touch.single(transformed(placed, touched), placed, METRE, "digit", area)
 
 
 def _contact(folder: Path, name: str, heights: Float[np.ndarray, "h w"], options: Options) -> Bool[np.ndarray, "h w"]:
