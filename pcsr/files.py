@@ -103,7 +103,7 @@ def save_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: dict[str
     def write(part: Path) -> None:
         try:
             save_file({name: t.detach().cpu().contiguous() for name, t in tensors.items()}, part, metadata)
-        except SafetensorError as error:  # it wraps what the system said, a full disk included
+        except SafetensorError as error:  # it wraps the error of the system, a full disk included
             raise OSError(str(error)) from error
 
     write_whole(path, write)

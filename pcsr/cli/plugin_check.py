@@ -57,7 +57,7 @@ def check(
 
     entries = _found(name, kind, registry)
     require({package: user for entry in entries for package, user in _needs(entry).items()})
-    # Mistakes in the options are told before the first check takes its time.
+    # Mistakes in the options are reported before the first check takes its time.
     if mesh is not None:
         item(mesh)
     if upsampler is not None:
@@ -104,7 +104,7 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
 
 
 def _needs(entry: "Entry") -> dict[str, str]:
-    """The packages that a part needs; none of one that cannot be loaded, of which a check will tell."""
+    """The packages that a part needs; none of one that cannot be loaded, which a check reports."""
     try:
         part: Any = entry.load()
     except UserError:
@@ -148,7 +148,7 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         wrong = [described([one], ".".join(map(str, one["loc"])), "", ()) for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
-        return given  # what is missing the check `builds` tells
+        return given  # what is missing the check `builds` reports
     return {key: getattr(checked, key) for key in given}
 
 

@@ -43,7 +43,7 @@ def read_array(file: BufferedIOBase, room: int) -> np.ndarray:
 
     Args:
         file: at its beginning.
-        room: bytes that it has, or is said to have; no more are read, and no more memory is taken.
+        room: bytes that it has, or claims to have; no more are read, and no more memory is taken.
 
     Raises:
         UserError: it holds objects, or fewer bytes than its header says.

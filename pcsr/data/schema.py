@@ -18,7 +18,7 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 def _reasons(value: dict[str, Any]) -> dict[str, str]:
-    """Texts by name; of ten thousand that are none one is told, which pydantic alone would not do."""
+    """Texts by name; of ten thousand wrong ones the first is reported, which pydantic alone would not do."""
     for name, reason in value.items():
         if not isinstance(reason, str):
             raise ValueError(f"what it says of {shown(name)} should be a text, but is {shown(reason)}")

@@ -77,7 +77,7 @@ def trained(
     with fabric.rank_zero_first():
         train_data, validation = data("train", progress), data("validation", progress)
         if fabric.is_global_zero:
-            data("test", progress)  # what is missing or damaged is said before hours of training
+            data("test", progress)  # what is missing or damaged is reported before hours of training
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
             training_folder.mkdir(exist_ok=True)
     if fabric.is_global_zero:
@@ -127,7 +127,7 @@ def trained(
 def _kept(
     recipe: Recipe, earlier: Earlier | None, registry: Registry, options: RunOptions, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
-    """The network with weights of other code, which whoever reads the results is told.
+    """The network with weights of other code, which the results note.
 
     Raises:
         UserError: there are none, or they don't fit the code of now.

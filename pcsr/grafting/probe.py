@@ -148,7 +148,7 @@ def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layo
     along = [axis for axis in axes if (first[axis], second[axis]) == (n, more)]
     moved = [axis for axis in axes if first[axis] != second[axis]]
     if len(along) > 1 or (along and moved != along):
-        raise UserError(f"{shown}: its width cannot be told: state it with layout='bnc', 'bcn' or 'bcn1'")
+        raise UserError(f"{shown}: its width is ambiguous: state it with layout='bnc', 'bcn' or 'bcn1'")
     if not along and len(moved) == 1:
         raise UserError(f"{shown}: not as many points as entered, as behind a sampling: graft ahead of it")
     known: dict[tuple[int, int], tuple[Layout, int]] = {(3, 1): ("bnc", 2), (3, 2): ("bcn", 1), (4, 2): ("bcn1", 1)}

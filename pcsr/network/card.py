@@ -1,4 +1,4 @@
-"""Who made the parts of weights: what their card says of it, and what is here."""
+"""The parts of weights in their card: who made them, whether they are installed, and whether their code changed."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -137,7 +137,7 @@ def changed(recipe: Recipe, written: Any, registry: Registry, keys: Iterable[Key
 def other_code(recipe: Recipe, card: Mapping[str, Any], registry: Registry) -> str | None:
     """What to say of weights whose network has other code here than when they were made; None if it has the same.
 
-    Nothing is said of a plugin whose code the card does not know, as those of pcsr 0.1.0 do.
+    Plugins whose code the card does not hold are passed over: cards of pcsr 0.1.0 hold none.
     """
     written = card.get("recipe")
     then = written.get("code", {}) if isinstance(written, dict) else {}

@@ -10,7 +10,7 @@ from pcsr.recipe.compose import compose, override_key
 from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
-from pcsr.recipe.source import MOST_TOLD, Keys, Location, Mistake, RecipeError, Source
+from pcsr.recipe.source import MOST_LISTED, Keys, Location, Mistake, RecipeError, Source
 
 __all__ = [
     "DATA",
@@ -56,7 +56,7 @@ def load(
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
             mistakes.update(error.mistakes)
-            if len(mistakes) > MOST_TOLD:  # a mistake of the file is found in each run of its matrix
+            if len(mistakes) > MOST_LISTED:  # a mistake of the file is found in each run of its matrix
                 break
     if mistakes:
         raise RecipeError(mistakes)
@@ -100,7 +100,7 @@ def from_resolved(
         data: what it gave.
         registry: gives the parts.
         origin: names it in messages.
-        parts: the places whose parts are checked and must be here; all by default, `DATA` to build data.
+        parts: the sections and keys whose parts are checked and must be here; all by default, `DATA` to build data.
 
     Raises:
         RecipeError: it names parts or options that this installation doesn't have.

@@ -26,8 +26,8 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     Args:
         source: what is written.
         registry: gives the parts that are checked.
-        parts: the places of these, of `PARTS`. Elsewhere a part is plain data: it need not be installed, and its
-            options stay as they are written.
+        parts: sections and keys of the parts, as in `PARTS`, that are checked. Elsewhere a part is plain data: it need
+            not be installed, and its options stay as they are written.
 
     Raises:
         RecipeError: it has mistakes; all of them.

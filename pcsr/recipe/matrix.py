@@ -26,7 +26,7 @@ def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
     if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
         assign(source, ("data", "seed"), source.data.get("seed", 0), Location("--seeds"))
     matrix = source.data.setdefault("matrix", {})
-    if isinstance(matrix, dict):  # anything else is a mistake that is told later
+    if isinstance(matrix, dict):  # anything else is a mistake that is reported later
         matrix[axis] = list(values)
         source.values.setdefault(("matrix",), source.values[()])
         for number, value in enumerate(values):

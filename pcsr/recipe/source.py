@@ -25,8 +25,8 @@ DEEPEST = 32
 """Levels of mappings and lists in each other."""
 MOST_DIGITS = 100
 """Digits of a whole number; each option has a limit of its own far below."""
-MOST_TOLD = 100
-"""Mistakes that are told one by one."""
+MOST_LISTED = 100
+"""The most mistakes that a message lists one by one."""
 
 
 class Location(NamedTuple):
@@ -57,8 +57,8 @@ class RecipeError(UserError):
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = sorted(set(mistakes))
-        more = len(self.mistakes) - MOST_TOLD
-        lines = [*map(str, self.mistakes[:MOST_TOLD]), *([f"and {more} more mistakes"] if more > 0 else [])]
+        more = len(self.mistakes) - MOST_LISTED
+        lines = [*map(str, self.mistakes[:MOST_LISTED]), *([f"and {more} more mistakes"] if more > 0 else [])]
         super().__init__("\n".join(lines))
 
 
@@ -162,7 +162,7 @@ YAML_TAG = "tag:yaml.org,2002:"
 
 
 class _Plain:
-    """From YAML's nodes to plain data; places and mistakes go into `source`."""
+    """Converts YAML's nodes to plain data; locations and mistakes go into `source`."""
 
     def __init__(self, source: Source, origin: str) -> None:
         self.source = source

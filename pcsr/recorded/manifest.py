@@ -9,7 +9,7 @@ from pcsr.mistakes import described
 
 Model = TypeVar("Model", bound=BaseModel)
 MISTAKES = 20
-"""So many mistakes of one entry are said; of more, how many."""
+"""The most mistakes of one entry that a message lists; of more, it gives the number."""
 UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
 """Lengths of the named units, in mm."""
 
@@ -94,7 +94,7 @@ class CloudEntry(Entry):
     """The points themselves."""
 
     cloud: str | None
-    """None: a finger of a grasp that was there, and felt nothing."""
+    """None for a finger of a grasp that touched nothing."""
     unit: Length | None = None
     """Of this cloud, where it is another than the recording's."""
     contact_area: NotNegative | None = None

@@ -34,7 +34,7 @@ from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 MANIFEST = "touches.json"
 REASONS = 20
-"""Of so many touches that could not be used it is said why, where none could."""
+"""The most unusable touches whose reasons a message lists, where no touch is usable."""
 
 
 @dataclass(frozen=True)

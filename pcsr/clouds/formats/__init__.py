@@ -60,7 +60,7 @@ MEMORY = {
 }
 """What reading a file takes at its peak, in sizes of the file: measured on a million points."""
 LONGEST = 500
-"""Letters that are said of a file at most."""
+"""The longest reason in a message, in characters."""
 LEAST_MEMORY = 3.0
 """The same for all other kinds."""
 

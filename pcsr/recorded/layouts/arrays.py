@@ -21,7 +21,7 @@ def joined(name: str, fingers: Callable[[], Sequence[Touch | None]], per: str) -
 
     Args:
         name: of the grasp.
-        fingers: gives what each finger felt, None where it felt nothing; may refuse with a `UserError`.
+        fingers: gives the touch of each finger, None where it touched nothing; may refuse with a `UserError`.
         per: "grasp" or "finger".
     """
     try:

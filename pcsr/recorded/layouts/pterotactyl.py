@@ -1,6 +1,6 @@
 """The layout `pterotactyl`: grasps of Active-3D-Vision-and-Touch (Smith et al., 2021), a folder for each object.
 
-`<action>/<finger>_points.npy` is what a finger felt, in the object's frame and in metres, and
+`<action>/<finger>_points.npy` holds the touched points of a finger, in the object's frame and in metres, and
 `<action>/<finger>_ref_frame.npy`, which is pickled, says where its camera was.
 """
 
@@ -24,7 +24,7 @@ class Options(Strict):
     """What the manifest says of this layout."""
 
     per: Literal["grasp", "finger"] = "grasp"
-    """A touch is what all fingers of a grasp felt, or what one finger did."""
+    """Whether all fingers of a grasp make one touch, or each finger makes its own."""
     face: Annotated[float, Field(ge=0)] = 12.8
     """From a finger's camera to its face, in mm: that of the box which stands for it in the simulator."""
 

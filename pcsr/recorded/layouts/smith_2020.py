@@ -1,7 +1,7 @@
 """The layout `smith-2020`: grasps of 3D-Vision-and-Touch (Smith et al., 2020), one pickled file each.
 
 The files of one object, `<grasp>.npy`, hold lists with one item for each finger: where its camera was, whether
-it touched, and the surface that it felt, in the world's frame. The object is half as large there as in its own
+it touched, and the surface that it touched, in the world's frame. The object is half as large there as in its own
 frame, and 0.6 m up.
 """
 
@@ -32,7 +32,7 @@ class Options(Strict):
     """What the manifest says of this layout."""
 
     per: Literal["grasp", "finger"] = "grasp"
-    """A touch is what all fingers of a grasp felt, or what one finger did."""
+    """Whether all fingers of a grasp make one touch, or each finger makes its own."""
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:

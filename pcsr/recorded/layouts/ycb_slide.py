@@ -49,7 +49,7 @@ class Options(Strict):
     background: str | None = None
     """Real slides only: height image of the untouched gel, which is subtracted for `contact_above`."""
     alignment: str | None = None
-    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all that was felt."""
+    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all touched points."""
 
     @model_validator(mode="after")
     def _real_only(self) -> "Options":
