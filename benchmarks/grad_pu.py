@@ -11,10 +11,11 @@ from pathlib import Path
 from safetensors.torch import load_file
 
 import pcsr
-from pcsr.network.load import fill, save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
+from pcsr.weights.fit import fill
 from pcsr_plugins.foreign.grad_pu import convert
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "grad-pu.yaml"

@@ -15,7 +15,7 @@ from training import BATCH, recipe, split
 
 from pcsr.data.batches import Batches
 from pcsr.experiments.train import _optimizer, _step, _Training
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 
 STEP, ASKED = "training loop: a step of 8 objects with 4 touches", "network ≥ 85 %: ≤ 1.18 × the limit"

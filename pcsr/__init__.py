@@ -12,7 +12,7 @@ from pcsr.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
-    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.clouds.meshes import read_mesh
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
     from pcsr.model import Model, load
-    from pcsr.network.load import read_card
     from pcsr.plugins.registry import Register
+    from pcsr.weights.file import read_card
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
-    "read_mesh": "pcsr.clouds.formats.mesh",
+    "read_mesh": "pcsr.clouds.meshes",
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",
-    "read_card": "pcsr.network.load",
+    "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(

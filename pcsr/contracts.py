@@ -316,6 +316,10 @@ class ShapeItem:
     mesh: "trimesh.Trimesh"
 
 
+SPLITS = ("train", "validation", "test")
+"""The splits of a data set."""
+
+
 class ShapeSource(Part):
     """Gives the objects. Cheap to construct and to pickle: workers load one item each, by name.
 

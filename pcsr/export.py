@@ -17,10 +17,11 @@ from pcsr.contracts import Fusion
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.files import write_whole
-from pcsr.network.load import save_weights
 from pcsr.network.network import Network
+from pcsr.network.save import save_weights
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Networked
+from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
     from pcsr.model import Model
@@ -51,7 +52,7 @@ def export_weights(model: "Model", path: str | Path, *, half: bool = False) -> N
         'half.safetensors'
     """
     path = Path(path)
-    network, recipe = _exportable(model, path, "weights.safetensors")
+    network, recipe = _exportable(model, path, WEIGHTS)
     save_weights(path, network, {"recipe": recipe.resolved(), **model.card}, half=half)
 
 

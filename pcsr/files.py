@@ -4,7 +4,7 @@ import hashlib
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING
 
 from pcsr.errors import RunError, UserError
@@ -28,6 +28,25 @@ def check_target(path: Path) -> None:
     if os.path.exists(path) and not os.path.isfile(path):
         what = "a folder" if os.path.isdir(path) else "a device, a pipe or a socket"
         raise UserError(f"{path} is {what}, and would be replaced by a file: name a file")
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The path of a file that must lie in a folder.
+
+    Raises:
+        UserError: the name leads out of it.
+    """
+    path = folder / name
+    try:
+        leaves = not path.resolve().is_relative_to(folder.resolve()) or path.resolve() == folder.resolve()
+    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file has
+        leaves = True
+    windows = PureWindowsPath(name)  # a name must not mean other files on another system
+    if leaves or windows.anchor or ".." in windows.parts:
+        raise UserError(
+            f"file '{name[:99]}' is not inside of the recording's folder: put it there, and name it from there"
+        )
+    return path
 
 
 def write_whole(path: Path, write: Callable[[Path], None]) -> None:
@@ -56,6 +75,15 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
     finally:
         with suppress(OSError):  # the temporary file may be missing where writing failed
             part.unlink(missing_ok=True)
+
+
+def identity(path: Path) -> tuple[int, ...] | None:
+    """Device, inode, size and time of change of a file: equal where the file is the same; None where there is none."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns
 
 
 def sha256(path: Path) -> str:

@@ -1,6 +1,5 @@
 """pcsr from Python: load a model, upsample clouds of any kind and size."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,10 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from pcsr import weights
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
-from pcsr.errors import UserError, did_you_mean
-from pcsr.extras import imported
+from pcsr.errors import UserError
+from pcsr.geometry.checks import check_cloud, check_frame
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
@@ -22,14 +20,16 @@ from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.dense import densify
-from pcsr.validation_messages import shown
+from pcsr.weights import DEFAULT
+from pcsr.weights.find import find
 from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
 """The name of what needs no weights."""
-WEIGHTS = "weights.safetensors"
-FAR = 1.0
-"""A touch is far away if it is farther from the cloud than so many of the cloud's radii."""
+MOST_DISTANCE = 0.5
+"""The largest distance of a touch from the cloud, in diameters of the cloud."""
+MOST_SIZE = 2.0
+"""The largest diameter of a touch, in diameters of the cloud."""
 RATES = (1.1, 64.0)
 
 TouchesLike = str | Path | Sequence[Any]
@@ -71,7 +71,8 @@ class Model:
         """Make a cloud dense, whatever its size.
 
         Args:
-            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud.
+            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud, or a
+                `pcsr.clouds.cloud.Cloud`.
             touches: in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a recording.
             rate: points that come out for each that goes in, 1.1 to 64; 4 if neither it nor `count` is given.
             count: how many come out, instead of a rate.
@@ -81,8 +82,8 @@ class Model:
             advance: called with the points that are done and all of them.
 
         Returns:
-            A cloud of the same kind, in the same frame and unit; what colours and normals it had, the new points have
-            from their neighbours.
+            A cloud of the same kind, in the same frame and unit. Colours, normals and other columns of the new points
+            are interpolated from their neighbours.
 
         Raises:
             UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
@@ -99,53 +100,16 @@ class Model:
             True
         """
         given = convert(points)
-        new = self.new_points(
-            given.points,
-            touches,
-            rate,
-            count=count,
-            keep=keep,
-            jobs=jobs,
-            scheduler=scheduler,
-            advance=advance,
-        )
-        return given.back(new, keep)
-
-    def new_points(
-        self,
-        points: Float[np.ndarray, "n 3"],
-        touches: TouchesLike = (),
-        rate: float | int | None = None,
-        *,
-        count: int | None = None,
-        keep: bool = True,
-        jobs: int = 1,
-        scheduler: str | None = None,
-        advance: Callable[[int, int], None] = lambda done, total: None,
-    ) -> Float[np.ndarray, "new 3"]:
-        """As `upsample`, but the new points alone.
-
-        Examples:
-            >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
-            >>> pcsr.load("midpoint").new_points(cloud, count=150).shape
-            (50, 3)
-        """
-        cloud = np.asarray(points, np.float64)
-        bad = int((~np.isfinite(cloud).all(axis=1)).sum())
-        if bad:
-            raise UserError(
-                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
-            )
-        if not len(cloud):
-            raise UserError("the cloud has no points: there is nothing to make dense")
+        cloud = given.cloud.points
+        check_cloud(cloud)
         wanted = _count(len(cloud), rate, count)
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
-        felt = _felt(touches, cloud, power)
+        touched = _touched(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
-            new = densify(cloud, wanted, source, touches=felt, keep=keep, pool=workers, advance=advance)
-        return scaled(new, power)
+            new = densify(cloud, wanted, source, touches=touched, keep=keep, pool=workers, advance=advance)
+        return given.restore(given.cloud.with_new(scaled(new, power), keep=keep))
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:
@@ -179,10 +143,12 @@ def load(
         'midpoint'
     """
     files = tuple(Path(file) for file in plugins)
-    name = weights.DEFAULT if model is None else str(model)
+    name = DEFAULT if model is None else str(model)
+    if not name:
+        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
     if name == INTERPOLATION:
         return Model(name, None, None, {}, None, files)
-    path = _found(name)
+    path = find(name, paths_first=True, hub=True, others=[INTERPOLATION])
     registry = load_plugins(files)
     warn_of_failures(registry)
     network, recipe, card = load_weights(path, registry)
@@ -191,37 +157,6 @@ def load(
     except (RuntimeError, AssertionError) as error:
         raise UserError(f"device '{device}' cannot be used: {str(error).splitlines()[0]}") from error
     return Model(name, network, recipe, card, path, files)
-
-
-def _found(name: str) -> Path:
-    """The weights file that a person means."""
-    if not name:
-        raise UserError("the model is an empty text: give a name, a run folder or a weights file")
-    # These take a user that isn't there, and a name that no file can have, for a file that isn't there.
-    path = Path(os.path.expanduser(name))
-    if os.path.isdir(path):
-        path = path / WEIGHTS
-        if not path.is_file():
-            raise UserError(f"the folder {name} holds no {WEIGHTS}: give the folder of a finished run, or a file")
-        return path
-    if os.path.isfile(path):
-        return path
-    if name in weights.names():
-        return weights.shipped(name)
-    if name.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
-        return _from_hub(name)
-    known = [INTERPOLATION, *weights.names()]
-    raise UserError(
-        f"there is no model {shown(name)}, neither a file nor a folder nor a name: {did_you_mean(name, known)}"
-    )
-
-
-def _from_hub(name: str) -> Path:
-    hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
-    try:
-        return Path(hub.hf_hub_download(name, WEIGHTS))
-    except Exception as error:  # whatever the network and the hub may say
-        raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error
 
 
 def _count(n: int, rate: float | int | None, count: int | None) -> int:
@@ -243,29 +178,34 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
     return round(rate * n)
 
 
-def _felt(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
+def _touched(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
     """The points of each touch, in the frame of the cloud, which was divided by a power of two."""
     if isinstance(touches, str | Path):
         from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
 
         touches = read(Path(touches)).touches
-    felt = [np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).points) for touch in touches]
-    if not felt:
+    touched = [
+        np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).cloud.points) for touch in touches
+    ]
+    if not touched:
         return []
     middle = cloud.mean(0)
     radius = float(np.linalg.norm(cloud - middle, axis=1).max())
-    for number, touch in enumerate(felt):
-        touch = felt[number] = scaled(touch, -power)
+    for number, touch in enumerate(touched):
+        touch = touched[number] = scaled(touch, -power)
         if len(touch) == 0 or not np.isfinite(touch).all():
             raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
         with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
-            own = float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+            size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
             away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
-        if not (away <= FAR * radius and own <= 2 * radius):
-            with np.errstate(over="ignore"):
-                sizes = np.ldexp([2 * own, max(away, 0.0), 2 * radius], power)
-            raise UserError(
-                f"touch {number} is {sizes[0]:.4g} across and lies {sizes[1]:.4g} away from the cloud, which is "
-                f"{sizes[2]:.4g} across: it is in another unit or frame; bring it into the cloud's"
-            )
-    return felt
+        check_frame(
+            f"touch {number}",
+            "the cloud",
+            distance=away,
+            extent=2 * radius,
+            most_distance=MOST_DISTANCE,
+            size=size,
+            most_size=MOST_SIZE,
+            power=power,
+        )
+    return touched

@@ -6,10 +6,14 @@ The names are type annotations and are not checked at run time. The tests check 
 letter within one call must have the same length.
 """
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-__all__ = ["Dense", "Features", "Neighbours", "Points", "TouchFeatures", "TouchMask", "TouchPoints"]
+__all__ = ["CloudArray", "Dense", "Features", "Neighbours", "Points", "TouchFeatures", "TouchMask", "TouchPoints"]
+
+CloudArray = Float[np.ndarray, "_ 3"]
+"""One cloud in numpy, of any number of points."""
 
 Points = Float[Tensor, "b n 3"]
 """Coordinates of a batch of clouds."""

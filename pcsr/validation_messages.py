@@ -1,9 +1,11 @@
 """Messages for pydantic's validation errors, and values shortened for messages."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from reprlib import Repr
 from typing import Any
+
+from pcsr.errors import did_you_mean
 
 LONGEST = 80
 """Most characters of a value in a message."""
@@ -41,6 +43,24 @@ def shown_path(path: Path) -> str:
     """Return a path as text; one that is too long or has control characters is shortened and quoted."""
     text = str(path)
     return text if text.isprintable() and len(text) < 4096 and len(path.name) < 256 else shown(text)
+
+
+def described(errors: Sequence[Mapping[str, Any]], path: str, owner: str, known: Iterable[str]) -> str:
+    """What is wrong at one place of plain data: "encoder 'net' takes no 'ordr': did you mean 'order'?".
+
+    Args:
+        errors: of `pydantic.ValidationError.errors()`, all about that place.
+        path: the place: "model.encoder".
+        owner: whose key it is, in words.
+        known: the keys that the owner takes.
+    """
+    kind = errors[0]["type"]
+    if kind == "extra_forbidden":
+        key = str(errors[0]["loc"][-1])
+        return f"{owner} takes no '{shown(key)[1:-1]}': {did_you_mean(key, known)}"
+    if kind == "missing":
+        return f"{path} is missing: add it"
+    return f"{path}: {explained(errors)}"
 
 
 def explained(errors: Sequence[Mapping[str, Any]]) -> str:

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 

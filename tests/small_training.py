@@ -8,11 +8,12 @@ import torch
 from lightning_fabric import Fabric
 
 from pcsr.data.dataset import Split
-from pcsr.experiments.train import HISTORY, Progress, train
+from pcsr.experiments.train import Progress, train
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
+from pcsr.run_files import HISTORY
 
 SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
 TINY = f"""\

@@ -13,12 +13,13 @@ from pcsr import Touch
 from pcsr.cli import pcsr
 from pcsr.clouds.formats import read_points, write_points
 from pcsr.metrics import METRICS
-from pcsr.network.load import __file__ as checkpoint
-from pcsr.network.origins import __file__ as origins
+from pcsr.network.card import __file__ as card
+from pcsr.network.load import __file__ as loading
 from pcsr.plugins.loading import load_plugins
 from pcsr.recorded import write
 from pcsr.testing import checks_for
 from pcsr.weights.file import __file__ as weights_file
+from pcsr.weights.fit import __file__ as fit
 
 TEXT = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
 CODE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
@@ -56,7 +57,7 @@ def test_the_metrics_are_all_there_and_described_as_they_describe_themselves():
 
 def test_what_messages_are_said_to_say_they_say():
     said = re.findall(r"^\| [^|`]+ \| (`.*) \|$", TEXT, re.MULTILINE)
-    files = [Path(file).read_text(encoding="utf-8") for file in (checkpoint, origins, weights_file)]
+    files = [Path(file).read_text(encoding="utf-8") for file in (loading, card, weights_file, fit)]
     source = re.sub(r"\"\s*f?\"", "", "".join(files))
     fragments = [part for row in said for quoted in re.findall("`([^`]+)`", row) for part in quoted.split(" … ")]
     assert len(fragments) >= 9

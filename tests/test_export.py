@@ -18,7 +18,7 @@ from pcsr.errors import UserError
 from pcsr.export import export_onnx
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.model import Model, load
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import MODEL, for_data, from_resolved
 

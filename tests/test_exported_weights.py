@@ -9,7 +9,7 @@ from pcsr.cli.export import export
 from pcsr.errors import UserError
 from pcsr.export import export_weights
 from pcsr.model import Model, load
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data, from_resolved
 

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import load_file
 
 from pcsr.errors import RunError, UserError
-from pcsr.files import save_tensors, write_text, write_whole
+from pcsr.files import save_tensors, sha256, write_text, write_whole
 
 
 def names(folder):
@@ -120,3 +120,8 @@ def test_what_is_no_file_is_not_replaced(tmp_path):
             write_text(tmp_path / name, "text")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "pipe"]
     assert (tmp_path / "pipe").is_fifo()
+
+
+def test_the_hash_of_a_file_is_that_of_its_bytes(tmp_path):
+    (tmp_path / "abc").write_bytes(b"abc")
+    assert sha256(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"

@@ -46,6 +46,7 @@ SAME_FLOOR = {
     ("pcsr.inputs", "pcsr.limits"),
     ("pcsr.inputs", "pcsr.validation_messages"),
     ("pcsr.limits", "pcsr.errors"),
+    ("pcsr.validation_messages", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
     ("pcsr.extras", "pcsr.errors"),

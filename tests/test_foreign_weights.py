@@ -9,9 +9,10 @@ import pytest
 
 from pcsr import __version__
 from pcsr.errors import UserError
-from pcsr.network.load import load_weights, save_weights
-from pcsr.network.network import build
-from pcsr.network.origins import foreign_parts
+from pcsr.network.build import build
+from pcsr.network.card import foreign_parts
+from pcsr.network.load import load_weights
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Failure
 from pcsr.recipe import Recipe, load

@@ -12,8 +12,9 @@ from click.testing import CliRunner
 import pcsr
 from pcsr.cli import pcsr as command
 from pcsr.model import load
-from pcsr.network.load import load_weights, save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.load import load_weights
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, from_resolved
 from pcsr.recipe import load as load_recipe

@@ -135,7 +135,7 @@ def item(mesh: Path) -> "ShapeItem":
     Raises:
         UserError: the file is not a mesh.
     """
-    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.clouds.meshes import read_mesh
     from pcsr.contracts import ShapeItem
 
     if not mesh.is_file():

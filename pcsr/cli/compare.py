@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from pcsr.cli.options import FILE, complete_part, plugin_option, set_option
-from pcsr.cli.running import place_options, run_all
+from pcsr.cli.running import run_all, run_options
 from pcsr.errors import UserError
 
 NAME = r"[a-z0-9][a-z0-9.-]{0,99}"
@@ -43,7 +43,7 @@ def _part_options(command: Any) -> Any:
 @click.option("--name", default="compare", show_default=True, metavar="NAME", help="Name of the page with the tables.")
 @set_option
 @plugin_option
-@place_options
+@run_options
 def compare(
     recipes: tuple[Path, ...],
     seeds: int,

@@ -43,7 +43,7 @@ def evaluate(
     from rich.table import Table
 
     from pcsr.clouds.formats import read_points
-    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics import METRICS
     from pcsr.metrics.one_cloud import evaluate as measure
     from pcsr.metrics.one_cloud import why_no_emd

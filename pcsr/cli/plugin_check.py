@@ -136,8 +136,8 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     from pydantic import ValidationError
 
     from pcsr.recipe.schema import options_model
-    from pcsr.recipe.source import Place, scalar
-    from pcsr.validation_messages import explained, shortened, shown
+    from pcsr.recipe.source import Location, scalar
+    from pcsr.validation_messages import described, shortened, shown
 
     if not overrides:  # options that cannot be read are then reported by a check
         return {}
@@ -152,13 +152,13 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
         if key not in model.model_fields:
             remedy = did_you_mean(key, model.model_fields)
             raise UserError(f"{place}: {entry.kind} '{entry.name}' takes no {shown(key)}: {remedy}")
-        given[key] = scalar(value, Place(place))
+        given[key] = scalar(value, Location(place))
     try:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:
         mistakes = error.errors() if isinstance(error, ValidationError) else []
         given_wrong = [one for one in mistakes if one["type"] != "missing"]
-        wrong = [f"{'.'.join(map(str, one['loc']))}: {explained([one])}" for one in given_wrong]
+        wrong = [described([one], ".".join(map(str, one["loc"])), "", ()) for one in given_wrong]
         if not mistakes or wrong:
             raise UserError(f"--set, for {entry.kind} '{entry.name}': {'; '.join(wrong) or error}") from error
         return given  # the check `builds` reports missing options

@@ -6,14 +6,14 @@ from typing import Any
 import click
 
 from pcsr.cli.options import FILE, plugin_option, set_option
-from pcsr.cli.running import place_options, run_all
+from pcsr.cli.running import run_all, run_options
 
 
 @click.command()
 @click.argument("recipe", type=FILE)
 @set_option
 @plugin_option
-@place_options
+@run_options
 def run(recipe: Path, overrides: tuple[str, ...], registry: Any, where: dict[str, Any]) -> None:
     """Train and evaluate a recipe, or compare several.
 

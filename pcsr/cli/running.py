@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-PLACE = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
-"""The fields of `pcsr.experiments.run_options.Place`, each an option."""
+RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
+"""The fields of `pcsr.experiments.run_options.RunOptions`, each an option."""
 WIDTH = 140
 """Columns of a table that goes into a file or a pipe."""
 
@@ -65,16 +65,16 @@ _OPTIONS = (
 )
 
 
-def place_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command the options of `pcsr.experiments.run_options.Place`, and hand it their values as `where`."""
+def run_options(command: Callable[..., Result]) -> Callable[..., Result]:
+    """Give a command the options of `pcsr.experiments.run_options.RunOptions`, and hand it their values as `where`."""
 
     @functools.wraps(command)
-    def with_place(*args: object, **kwargs: Any) -> Result:
-        return command(*args, where={name: kwargs.pop(name) for name in PLACE}, **kwargs)
+    def with_options(*args: object, **kwargs: Any) -> Result:
+        return command(*args, where={name: kwargs.pop(name) for name in RUN_OPTIONS}, **kwargs)
 
     for option in reversed(_OPTIONS):
-        with_place = option(with_place)
-    return with_place
+        with_options = option(with_options)
+    return with_options
 
 
 def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, Any], name: str) -> None:
@@ -83,7 +83,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     Args:
         recipes: at least one.
         registry: gives their parts.
-        where: as `place_options` hands it over.
+        where: as `run_options` hands it over.
         name: of the study, and of its page.
     """
     import torch
@@ -92,27 +92,27 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     from pcsr import report
     from pcsr.data.built import BuiltData
     from pcsr.experiments.run import packages, run
-    from pcsr.experiments.run_options import Place, run_folder
+    from pcsr.experiments.run_options import RunOptions, run_folder
     from pcsr.extras import require
     from pcsr.recipe.pretrained import check_weights
 
     if where["keep_weights"] and where["retrain"]:
         raise UserError("--keep-weights trains nothing, and --retrain trains: give one of the two")
     console = Console()
-    place = Place(**where)
-    if place.data:
-        built = BuiltData.read(place.data)
+    options = RunOptions(**where)
+    if options.data:
+        built = BuiltData.read(options.data)
         recipes = [built.replace_data(one, registry) for one in recipes]
-        where_from = " and ".join(map(str, place.data))
+        where_from = " and ".join(map(str, options.data))
         said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
         for line in (said, *built.missing()):
             console.print(f"data: {line}", markup=False, soft_wrap=True)
-    require({name: user for one in recipes for name, user in packages(one, registry, place).items()})
+    require({name: user for one in recipes for name, user in packages(one, registry, options).items()})
     for one in recipes:
         check_weights(one, registry)  # of all of them, before the first runs
     folders: dict[Path, str] = {}
     for one in recipes:
-        folder = run_folder(one, place)
+        folder = run_folder(one, options)
         if folder in folders:
             raise UserError(
                 f"two of the runs are '{one.name}' and would be kept in one folder, {folder}, the second in the "
@@ -121,7 +121,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         folders[folder] = one.name
     finished = []
     for one in recipes:
-        done = run(one, registry, place, console)
+        done = run(one, registry, options, console)
         if done is not None:  # None in all processes but the first
             finished.append(done)
             console.print(report.table(done.results))
@@ -130,7 +130,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         wide = console if console.is_terminal else Console(width=WIDTH)
         for one_table in report.compare([done.results for done in finished], name):
             wide.print(one_table)
-        page = report.write_comparison(finished, name, place.runs)
+        page = report.write_comparison(finished, name, options.runs)
         console.print(f"all of them: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():
         # Left to the end of the process, its threads may still run then, and it would abort.

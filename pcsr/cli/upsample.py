@@ -1,4 +1,4 @@
-"""`pcsr upsample`: a person's own cloud, made dense."""
+"""`pcsr upsample`: the command that upsamples a cloud in a file or pipe."""
 
 import re
 from pathlib import Path
@@ -109,26 +109,23 @@ def upsample(
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
             click.echo(f"touch {name} is left out: {reason}", err=True)
-    from pcsr.model import load  # and torch with it: a mistake in a file is told without waiting for it
+    from pcsr.model import load  # and torch with it: a mistake in a file is reported before it is imported
 
-    with warnings.catch_warnings(record=True) as said, progress_bars(console, hidden=quiet) as progress:
+    with warnings.catch_warnings(record=True) as warned, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", PcsrWarning)
-        made = load(model, plugins=plugins, device=_device(device))
+        loaded = load(model, plugins=plugins, device=_device(device))
         task = progress.add_task("upsampling", total=len(given.points))
-        dense = given.with_new(  # straight from hand to hand, so that nobody holds the new points twice
-            made.new_points(
-                given.points,
-                touches,
-                rate,
-                count=count,
-                keep=not replace,
-                jobs=jobs or _jobs(len(given.points), device),
-                scheduler=scheduler,
-                advance=lambda done, total: progress.update(task, completed=done, total=total),
-            ),
+        dense = loaded.upsample(
+            given,
+            touches,
+            rate,
+            count=count,
             keep=not replace,
+            jobs=jobs or _jobs(len(given), device),
+            scheduler=scheduler,
+            advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
-    for one in said:
+    for one in warned:
         if issubclass(one.category, PcsrWarning):
             console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     if out == PIPE:
@@ -138,9 +135,9 @@ def upsample(
     if mesh is not None:
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     seconds = time.perf_counter() - start
-    felt = f" and {len(touches)} of {recorded} touches" if touches else ""
+    touched = f" and {len(touches)} of {recorded} touches" if touches else ""
     console.print(
-        f"{len(given.points)} points{felt} to {len(dense.points)} by {made.name} in {seconds:.1f} s: {out}",
+        f"{len(given.points)} points{touched} to {len(dense.points)} by {loaded.name} in {seconds:.1f} s: {out}",
         markup=False,
         soft_wrap=True,
     )

@@ -7,30 +7,32 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.clouds.carry import carry
+from pcsr.clouds.cloud import Cloud
 from pcsr.errors import UserError
 from pcsr.limits import check_memory
 
 MEMORY = 100
-"""Bytes that a point takes at least, in all that is made of it."""
+"""Bytes of memory that each point of a cloud needs at least."""
 
 
 @dataclass(frozen=True)
-class Converted:
-    """The points of somebody's cloud."""
+class CloudAdapter:
+    """A cloud of any library's kind as a `Cloud`, and the way back."""
 
-    points: Float[np.ndarray, "n 3"]
-    """Doubles."""
-    back: Callable[[Float[np.ndarray, "new 3"], bool], Any]
-    """New points, with the old ones before them if told so, to a cloud of the kind that came in."""
+    cloud: Cloud
+    """Its points, colours and normals."""
+    restore: Callable[[Cloud], Any]
+    """Makes a cloud of the kind that came in."""
 
 
-def convert(cloud: Any) -> Converted:
-    """The points of a cloud of any known kind.
+def convert(cloud: Any) -> CloudAdapter:
+    """A cloud of any known kind as a `Cloud`.
 
     Raises:
         UserError: it is of no known kind, or not of shape (n, 3).
     """
+    if isinstance(cloud, Cloud):
+        return CloudAdapter(cloud, lambda dense: dense)
     module = type(cloud).__module__.partition(".")[0]
     if module == "torch":
         return _torch(cloud)
@@ -48,13 +50,8 @@ def convert(cloud: Any) -> Converted:
         raise UserError(
             f"a {type(cloud).__name__} is no cloud: give an array or tensor (n, 3), a trimesh or an Open3D cloud"
         ) from error
-    points = _doubles(array)
     kind = array.dtype if array.dtype.kind == "f" else np.dtype(np.float64)
-
-    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
-        return np.concatenate([array, new]).astype(kind) if keep else new.astype(kind)
-
-    return Converted(points, back)
+    return CloudAdapter(Cloud(_doubles(array)), lambda dense: dense.points.astype(kind, copy=False))
 
 
 def _check(shape: tuple[int, ...], real: bool, kind: object) -> None:
@@ -78,13 +75,8 @@ def _doubles(array: np.ndarray) -> Float[np.ndarray, "n 3"]:
         return array.astype(np.float64)
 
 
-def _torch(cloud: Any) -> Converted:
+def _torch(cloud: Any) -> CloudAdapter:
     import torch
-
-    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
-        kind = cloud.dtype if cloud.is_floating_point() else torch.float64
-        made = torch.from_numpy(new).to(cloud.device, kind)
-        return torch.cat([cloud.detach().to(kind), made]) if keep else made
 
     if not hasattr(cloud, "detach"):
         raise UserError(f"a torch {type(cloud).__name__} is no cloud: give a tensor (n, 3)")
@@ -93,44 +85,34 @@ def _torch(cloud: Any) -> Converted:
         points = cloud.detach().cpu().double().numpy()
     except (RuntimeError, NotImplementedError, TypeError) as error:  # sparse, quantized, or on the device 'meta'
         raise UserError(f"a tensor of layout {cloud.layout} on {cloud.device} has no coordinates to read") from error
-    return Converted(points, back)
+    kind = cloud.dtype if cloud.is_floating_point() else torch.float64
+    return CloudAdapter(Cloud(points), lambda dense: torch.from_numpy(dense.points).to(cloud.device, kind))
 
 
-def _trimesh(cloud: Any) -> Converted:
+def _trimesh(cloud: Any) -> CloudAdapter:
     import trimesh
 
     if not hasattr(cloud, "vertices"):
         raise UserError(f"a trimesh {type(cloud).__name__} has no vertices: give a PointCloud or a Trimesh")
     points = _doubles(np.asarray(cloud.vertices))
     colours = np.asarray(cloud.visual.vertex_colors) if hasattr(cloud, "visual") else np.zeros(0)
+    columns = {"colour": colours} if colours.shape[:1] == points.shape[:1] else {}
 
-    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
-        columns = {}
-        if colours.shape[:1] == points.shape[:1]:
-            columns = carry({"colour": colours}, points, new)
-        told = columns.get("colour")
-        if keep:
-            told = None if told is None else np.concatenate([colours, told])
-            new = np.concatenate([points, new])
-        return trimesh.PointCloud(new, colors=told)  # type: ignore[no-untyped-call]
+    def restore(dense: Cloud) -> Any:
+        return trimesh.PointCloud(dense.points, colors=dense.columns.get("colour"))  # type: ignore[no-untyped-call]
 
-    return Converted(points, back)
+    return CloudAdapter(Cloud(points, columns), restore)
 
 
-def _open3d(cloud: Any) -> Converted:
-    points = _doubles(np.asarray(cloud.points))
+def _open3d(cloud: Any) -> CloudAdapter:
     columns = {name: np.asarray(getattr(cloud, name)) for name in ("colors", "normals") if len(getattr(cloud, name))}
 
-    def back(new: Float[np.ndarray, "new 3"], keep: bool) -> Any:
+    def restore(dense: Cloud) -> Any:
         import open3d
 
-        told = carry(columns, points, new)
-        if keep:
-            told = {name: np.concatenate([columns[name], told[name]]) for name in columns}
-            new = np.concatenate([points, new])
-        made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(new))
-        for name, column in told.items():
+        made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(dense.points))
+        for name, column in dense.columns.items():
             setattr(made, name, open3d.utility.Vector3dVector(column))
         return made
 
-    return Converted(points, back)
+    return CloudAdapter(Cloud(_doubles(np.asarray(cloud.points)), columns), restore)

@@ -124,7 +124,7 @@ class Batches:
                 points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
             felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
         sphere = UnitSphere.fit(points.numpy())
-        clouds = [torch.from_numpy(sphere.apply(cloud.numpy())) for cloud in (points, felt, truth)]
+        clouds = [torch.from_numpy(sphere.normalize(cloud.numpy())) for cloud in (points, felt, truth)]
         mask = in_patch(clouds[1]) if self.patches else torch.ones(count, dtype=torch.bool)
         if "rotate" in self.augment:
             turn = torch.from_numpy(_rotation(rng))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pcsr.contracts import SPLITS
 from pcsr.data.dataset import Split
-from pcsr.data.plan import SPLITS
 from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_manifest
 from pcsr.errors import UserError

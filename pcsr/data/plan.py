@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pcsr.contracts import ShapeSource, TouchSource
+from pcsr.contracts import SPLITS, ShapeSource, TouchSource
 from pcsr.errors import UserError
 from pcsr.extras import require
 from pcsr.plugins.registry import Registry
@@ -17,7 +17,6 @@ FORMAT = 1
 """Of the files; raised when they change, and with it every fingerprint."""
 SEEN = ("view", "mixed")
 """Samplings that cast the rays of a camera."""
-SPLITS = ("train", "validation", "test")
 
 
 @dataclass(frozen=True)

@@ -91,15 +91,15 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
                 f"{item.name}: touch {number} lies {distance:.3g} radii off the surface, or is not finite: its source "
                 f"returns it in another unit or frame"
             )
-    clouds = [sphere.apply(touch.points) for touch in recorded]
+    clouds = [sphere.normalize(touch.points) for touch in recorded]
     return Sample(
         name=item.name,
         group=item.group,
-        truth=sphere.apply(truth),
-        points=sphere.apply(points),
+        truth=sphere.normalize(truth),
+        points=sphere.normalize(points),
         touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
         sphere=sphere,
-        coverage=covered(sphere.apply(truth), clouds),
+        coverage=covered(sphere.normalize(truth), clouds),
         sensor="+".join(dict.fromkeys(touch.sensor for touch in recorded)),
     )
 

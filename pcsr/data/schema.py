@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, FailFast, Field, ValidationError, model_validator
 
-from pcsr.data.plan import SPLITS
+from pcsr.contracts import SPLITS
 from pcsr.validation_messages import explained, shown
 
 Model = TypeVar("Model", bound=BaseModel)

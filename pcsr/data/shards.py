@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
 from torch import Tensor
 
 from pcsr.data.plan import FORMAT
 from pcsr.data.sample import Rejection, Sample
 from pcsr.data.schema import Card, FormatVersion, Manifest, Settings, parsed, shard_name
 from pcsr.errors import UserError
-from pcsr.files import save_tensors, sha256, write_text
+from pcsr.files import identity, save_tensors, sha256, write_text
 from pcsr.geometry.frames import UnitSphere
+from pcsr.weights.file import card_text, open_tensors
 
 SHARD = 64
 """Number of objects in a shard: about 9 MB at the paper's sizes. An interrupted build loses at most this many."""
@@ -85,12 +86,8 @@ def read_card(path: Path) -> Card:
     """
     try:
         _regular(path)
-        with path.open("rb") as file:
-            header = int.from_bytes(file.read(8), "little")
-        if header > LONGEST_HEADER:
-            raise ValueError(f"its header has {header} bytes, more than {LONGEST_HEADER}")
-        with safe_open(path, "pt") as file:
-            card = parsed(Card, (file.metadata() or {})["pcsr"])
+        with open_tensors(path, LONGEST_HEADER) as file:
+            card = parsed(Card, card_text(file))
             _check_clouds(file, card)
     except KeyError as error:
         raise UserError(f"{path} is not a shard of pcsr data (it has no {error}): {REMEDY}") from error
@@ -133,19 +130,18 @@ def _check_clouds(file: Any, card: Card) -> None:
 
 
 def read_clouds(path: Path) -> dict[str, Tensor]:
-    """Return the clouds of a shard, memory-mapped, so that they are read when they are accessed."""
-    with safe_open(path, "pt") as file:
+    """The clouds of a shard, mapped into memory: what is not looked at is not read."""
+    with open_tensors(path) as file:
         return {name: file.get_tensor(name) for name in CLOUDS}
 
 
 def shard_sum(path: Path) -> str:
-    """Return the SHA-256 hash of a file. The result is cached until the file changes."""
-    about = path.stat()
-    return _sum(path.resolve(), about.st_ino, about.st_size, about.st_mtime_ns)
+    """SHA-256 of a file; in one process it is read once, unless it changes."""
+    return _sum(path.resolve(), identity(path))
 
 
 @functools.cache
-def _sum(path: Path, _inode: int, _size: int, _modified: int) -> str:
+def _sum(path: Path, _identity: tuple[int, ...] | None) -> str:
     return sha256(path)
 
 

@@ -190,7 +190,7 @@ def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], spli
     shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)
     return [
-        (sphere.apply(mesh.vertices), np.asarray(mesh.faces))
+        (sphere.normalize(mesh.vertices), np.asarray(mesh.faces))
         for sphere, mesh in zip(split.spheres, meshes, strict=True)
     ]
 

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pcsr import weights
 from pcsr.errors import UserError
-from pcsr.network.load import read_card
-from pcsr.network.origins import changed
+from pcsr.network.card import changed
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-
-WEIGHTS = "weights.safetensors"
+from pcsr.weights import WEIGHTS, shipped
+from pcsr.weights.file import read_card
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ def of_recipe(recipe: Recipe, data: str, runs: Path, folder: Path) -> tuple[Path
     same_fingerprint = sorted(runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
-        (weights.shipped(recipe.name), "shipped weights"),
+        (shipped(recipe.name), "shipped weights"),
         *((path, "another run of this recipe") for path in same_fingerprint),
     ):
         if path.exists():

@@ -16,7 +16,7 @@ from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
 from pcsr.experiments.evaluation import Evaluation, evaluate, methods, needs_meshes
-from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
 from pcsr.metrics import METRICS
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
 
-def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]:
+def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[str, str]:
     """Return the optional packages that a run needs, each with its user, for `pcsr.extras.require`."""
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
     if recipe.weights is None:
         needed |= recipe.train.objective.needs(registry, "objective")
-    if not place.data:
+    if not options.data:
         needed |= data_packages(recipe, registry)
     elif needs_meshes(recipe):
         needed |= recipe.data.shapes.needs(registry, "shapes")
     return needed
 
 
-def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> FinishedRun | None:
+def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Console) -> FinishedRun | None:
     """Train a recipe's network, unless finished weights exist, and evaluate it.
 
     Training is skipped if the recipe names weights, or if the run folder, another run folder or the shipped weights
@@ -64,12 +64,12 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> F
         UserError: the data cannot be built or read, the weights do not fit, or the device does not exist.
         RunError: training fails, or a file cannot be written.
     """
-    folder = run_folder(recipe, place)
-    fabric = _fabric(recipe, place)
-    fingerprint, data = data_of(recipe, registry, place.runs, place.data, place.jobs)
+    folder = run_folder(recipe, options)
+    fabric = _fabric(recipe, options)
+    fingerprint, data = data_of(recipe, registry, options.runs, options.data, options.jobs)
     data = functools.cache(data)
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
-        network, source = trained(recipe, registry, fingerprint, data, fabric, place, progress)
+        network, source = trained(recipe, registry, fingerprint, data, fabric, options, progress)
         if not fabric.is_global_zero:
             return None
         test = data("test", progress)
@@ -78,7 +78,9 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> F
         network.to(fabric.device)
         compared = methods(recipe, network)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
-        evaluation = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
+        evaluation = evaluate(
+            recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task)
+        )
     results = results_of(recipe, test, evaluation, source)
     finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
     write_run(finished)
@@ -157,14 +159,14 @@ def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Ex
     ]
 
 
-def _fabric(recipe: Recipe, place: Place) -> "Fabric":
-    distributed = place.devices * place.nodes > 1 or "LOCAL_RANK" in os.environ
-    if place.device == "cuda" and not torch.cuda.is_available():
+def _fabric(recipe: Recipe, options: RunOptions) -> "Fabric":
+    distributed = options.devices * options.nodes > 1 or "LOCAL_RANK" in os.environ
+    if options.device == "cuda" and not torch.cuda.is_available():
         raise UserError("--device cuda: torch finds no CUDA device here; use --device cpu, or install torch for CUDA")
     fabric: Fabric = imported("lightning_fabric", "training").Fabric(
-        accelerator="cuda" if place.device != "cpu" and torch.cuda.is_available() else "cpu",
-        devices=place.devices,
-        num_nodes=place.nodes,
+        accelerator="cuda" if options.device != "cpu" and torch.cuda.is_available() else "cpu",
+        devices=options.devices,
+        num_nodes=options.nodes,
         # In a batch without touches the fusion's weights have no gradient.
         strategy="ddp_find_unused_parameters_true" if distributed else "auto",
         precision=recipe.train.precision,

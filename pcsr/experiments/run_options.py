@@ -1,4 +1,4 @@
-"""Where a run computes, and where it keeps things."""
+"""Options of a run: where it computes, what it reads and where it writes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +7,8 @@ from pcsr.recipe import Recipe
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where to compute and where to keep things."""
+class RunOptions:
+    """How a recipe is run: device, processes, folders, and what becomes of old weights."""
 
     runs: Path = Path("runs")
     device: str = "auto"
@@ -24,6 +24,6 @@ class Place:
     """The network is trained anew, whatever finished weights there are; they stay until the new ones are finished."""
 
 
-def run_folder(recipe: Recipe, place: Place) -> Path:
+def run_folder(recipe: Recipe, options: RunOptions) -> Path:
     """The folder of a recipe: the same recipe comes back to it, another never does."""
-    return place.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"
+    return options.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"

@@ -22,9 +22,10 @@ from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import RunError, UserError
 from pcsr.experiments.history import History
+from pcsr.experiments.train_state import load_training, save_training
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.load import load_training, save_training
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.run_files import HISTORY

@@ -13,17 +13,19 @@ from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.experiments.finished_runs import WEIGHTS, EarlierWeights, of_other_code, of_recipe
-from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.finished_runs import EarlierWeights, of_other_code, of_recipe
+from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import CHECKPOINT, checkpoint_step, train
 from pcsr.files import write_text
-from pcsr.network.load import load_weights, save_weights
+from pcsr.network.card import other_code
+from pcsr.network.load import load_weights
 from pcsr.network.network import Network
-from pcsr.network.origins import other_code
+from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
 from pcsr.run_files import HISTORY
+from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -38,7 +40,7 @@ def trained(
     fingerprint: str,
     data: Data,
     fabric: "Fabric",
-    place: Place,
+    options: RunOptions,
     progress: Progress,
 ) -> tuple[Network, dict[str, Any]]:
     """The recipe's network with finished weights, and where they came from.
@@ -49,39 +51,41 @@ def trained(
         fingerprint: of the data.
         data: gives its splits.
         fabric: launched; says where to train.
-        place: where runs are kept, and whether old weights are kept or replaced.
+        options: where runs are kept, and whether old weights are kept or replaced.
         progress: shows what is done.
 
     Raises:
         UserError: the weights that are asked for are not there, or cannot be used.
     """
     named = check_weights(recipe, registry)
-    folder = run_folder(recipe, place)
-    if named is not None and place.retrain:
+    folder = run_folder(recipe, options)
+    if named is not None and options.retrain:
         raise UserError(f"recipe '{recipe.name}' names weights, so that nothing is trained: leave out --retrain")
     if named is not None:
         source = f"{named.path.stem} of recipe '{named.recipe.name}', sha256 {named.sha256[:12]}"
-        return _loaded(named.path, source, registry, progress)
-    exact = None if place.retrain else of_recipe(recipe, fingerprint, place.runs, folder)
+        loaded = _loaded(named.path, source, registry, progress)
+        named.check_unchanged()
+        return loaded
+    exact = None if options.retrain else of_recipe(recipe, fingerprint, options.runs, folder)
     if exact is not None:
         return _loaded(*exact, registry, progress)
-    earlier = None if place.retrain else of_other_code(recipe, fingerprint, place.runs, registry)
-    if place.keep_weights:
-        return _kept(recipe, earlier, registry, place, progress)
+    earlier = None if options.retrain else of_other_code(recipe, fingerprint, options.runs, registry)
+    if options.keep_weights:
+        return _kept(recipe, earlier, registry, options, progress)
     # Until new weights are finished, those that are there stay as they are, and their history with them.
-    training_folder = folder / RETRAINING if place.retrain else folder
+    training_folder = folder / RETRAINING if options.retrain else folder
     # One process writes the recipe and builds the data, the others wait and read it.
     with fabric.rank_zero_first():
         train_data, validation = data("train", progress), data("validation", progress)
         if fabric.is_global_zero:
-            data("test", progress)  # what is missing or damaged is said before hours of training
+            data("test", progress)  # what is missing or damaged is reported before hours of training
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
             training_folder.mkdir(exist_ok=True)
     if fabric.is_global_zero:
         if earlier is not None:
             remedy = "training again; --keep-weights measures the old weights with the new code"
             progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
-        why = "--retrain" if place.retrain else "no weights of exactly this recipe yet"
+        why = "--retrain" if options.retrain else "no weights of exactly this recipe yet"
         step = checkpoint_step(training_folder, fingerprint)
         epochs = f"{recipe.train.epochs} epochs"
         doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
@@ -97,7 +101,7 @@ def trained(
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
-        loaders=max(1, place.jobs // fabric.world_size) if place.jobs else LOADERS,
+        loaders=max(1, options.jobs // fabric.world_size) if options.jobs else LOADERS,
         data_fingerprint=fingerprint,
     )
     if not fabric.is_global_zero:  # the history is the first process's, who may not be done with it
@@ -113,10 +117,10 @@ def trained(
     }
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
-    if place.data:
-        card["data"] = BuiltData.read(place.data).card()
+    if options.data:
+        card["data"] = BuiltData.read(options.data).card()
     save_weights(folder / WEIGHTS, network, card, registry)
-    if place.retrain:
+    if options.retrain:
         write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
         (training_folder / CHECKPOINT).unlink()  # first: without its history it would be of no use
         shutil.rmtree(training_folder)
@@ -125,17 +129,17 @@ def trained(
 
 
 def _kept(
-    recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, place: Place, progress: Progress
+    recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, options: RunOptions, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
-    """The network with weights of other code, which whoever reads the results is told.
+    """The network with weights of other code, which the results note.
 
     Raises:
         UserError: there are none, or they don't fit the code of now.
     """
     if earlier is None:
         raise UserError(
-            f"--keep-weights: {place.runs} holds no weights of recipe '{recipe.name}', of this code or of other code: "
-            f"leave it out, and it is trained"
+            f"--keep-weights: {options.runs} holds no weights of recipe '{recipe.name}', of this code or of other "
+            f"code: leave it out, and it is trained"
         )
     try:
         network, training = _loaded(earlier.path, f"kept with --keep-weights, as {earlier}", registry, progress)
@@ -154,10 +158,10 @@ def _kept(
 def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
     """A network with the weights of a file, and what its card says of their training."""
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always", PcsrWarning)
         network, recipe, card = load_weights(path, registry)
-    for one in said:
+    for one in warned:
         progress.console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
     differs = other_code(recipe, card, registry)
     marked = {} if differs is None else {"other_code": f"{path} was {differs}"}

@@ -1,4 +1,4 @@
-"""The frame that networks see: centred on the cloud, its farthest point on the unit sphere."""
+"""Frames of clouds, centred on the cloud with its farthest point on the unit sphere: parallel or along its axes."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,18 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
+from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.magnitude import exponent, scaled
 
 SMALLEST, LARGEST = 1e-300, 1e307
 """Radii with which doubles divide and multiply without loss."""
+DIGITS = 7
+"""Decimals of coordinates in a patch's own frame: about what single precision holds."""
 
 
 @dataclass(frozen=True)
 class UnitSphere:
-    """Maps a frame and unit of a person's own to the unit sphere and back.
+    """Maps any frame and unit to the unit sphere and back.
 
     The centre is subtracted in float64, before anything is rounded to float32, so that coordinates in the
     millions of metres keep their precision.
@@ -30,19 +33,8 @@ class UnitSphere:
         Raises:
             UserError: the cloud is empty, not finite, all on one spot, or at the end of what doubles hold.
         """
-        if len(points) == 0:
-            raise UserError("the cloud has no points: there is nothing to fit a frame to")
         cloud = np.asarray(points, np.float64)
-        if not np.isfinite(cloud).all():
-            bad = int((~np.isfinite(cloud).all(axis=1)).sum())
-            raise UserError(
-                f"{bad} of the cloud's {len(cloud)} points have a coordinate that is not finite: remove them"
-            )
-        if (cloud == cloud[0]).all():  # the radius would not do: a mean of equal numbers may be off by one bit
-            raise UserError(
-                f"all {len(cloud)} points of the cloud lie on one spot, {cloud[0].tolist()}: "
-                f"a cloud needs an extent to be scaled"
-            )
+        check_cloud(cloud, extent=True)
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
         centre = cloud.mean(0)
@@ -56,12 +48,53 @@ class UnitSphere:
             )
         return sphere
 
-    def apply(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
+    def normalize(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
         """Into the unit sphere; float32."""
         inside: Float[np.ndarray, "*k 3"] = (points.astype(np.float64) - self.centre) / self.radius
         return inside.astype(np.float32)
 
-    def undo(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
+    def denormalize(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
         """Back to the original frame and unit; float64."""
         original: Float[np.ndarray, "*k 3"] = points.astype(np.float64) * self.radius + self.centre
         return original
+
+
+@dataclass(frozen=True)
+class OwnFrame:
+    """A frame along the principal axes of a cloud: rotated, moved and scaled, the cloud looks the same in it."""
+
+    centre: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    radius: float
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "n 3"]) -> "OwnFrame":
+        """The frame centred on the cloud, along the cloud's principal axes, its farthest point on the unit sphere."""
+        centre = points.mean(0)
+        radius = float(np.linalg.norm(points - centre, axis=1).max())
+        return cls(centre, principal_axes(points), radius or 1.0)
+
+    def normalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+        """Into the frame, rounded to `DIGITS`: digits behind depend on where the cloud was, and would decide ties."""
+        local: Float[np.ndarray, "p 3"] = np.round((points - self.centre) @ self.axes / self.radius, DIGITS)
+        return local
+
+    def denormalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+        """Back to the original frame and unit."""
+        outside: Float[np.ndarray, "p 3"] = points * self.radius @ self.axes.T + self.centre
+        return outside
+
+
+def principal_axes(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3 3"]:
+    """A right-handed frame of the cloud's own, as columns: widest spread first, each to the side of the longer tail.
+
+    It turns with the cloud, unless the cloud is symmetric.
+    """
+    centred = points - points.mean(0)
+    scale = np.abs(centred).max() or 1.0
+    centred = centred / scale
+    axes: Float[np.ndarray, "3 3"] = np.linalg.eigh(centred.T @ centred)[1][:, ::-1].copy()
+    tails = ((centred @ axes) ** 3).sum(0)
+    axes[:, :2] *= np.where(tails[:2] < 0, -1.0, 1.0)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return axes

@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-DIGITS = 7
-"""Decimals of coordinates in a patch's own frame: about what single precision holds."""
+from pcsr.geometry.frames import principal_axes
 
 
 @dataclass(frozen=True)
@@ -24,32 +23,6 @@ class Patch:
     """The core's first, then the margin's, nearest first."""
     core: int
     """How many are the core's."""
-
-
-@dataclass(frozen=True)
-class OwnFrame:
-    """A frame that a cloud brings along: turned, moved and scaled, the cloud looks the same in it."""
-
-    centre: Float[np.ndarray, "3"]
-    axes: Float[np.ndarray, "3 3"]
-    radius: float
-
-    @classmethod
-    def of(cls, points: Float[np.ndarray, "n 3"]) -> "OwnFrame":
-        """Centred, along the cloud's principal axes, its farthest point on the unit sphere."""
-        centre = points.mean(0)
-        radius = float(np.linalg.norm(points - centre, axis=1).max())
-        return cls(centre, principal_axes(points), radius or 1.0)
-
-    def into(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
-        """Into it, without the last digits: they depend on where the cloud was, and would decide ties."""
-        local: Float[np.ndarray, "p 3"] = np.round((points - self.centre) @ self.axes / self.radius, DIGITS)
-        return local
-
-    def back(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
-        """Out of it."""
-        outside: Float[np.ndarray, "p 3"] = points * self.radius @ self.axes.T + self.centre
-        return outside
 
 
 def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[Patch]:
@@ -94,18 +67,3 @@ def cells(points: Float[np.ndarray, "n 3"], most: int) -> Iterator[Int[np.ndarra
         split = len(rows) * (count // 2) // count
         order = np.argpartition(along, split)
         waiting += [rows[order[split:]], rows[order[:split]]]
-
-
-def principal_axes(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3 3"]:
-    """A right-handed frame of the cloud's own, as columns: widest spread first, each to the side of the longer tail.
-
-    It turns with the cloud, unless the cloud is symmetric.
-    """
-    centred = points - points.mean(0)
-    scale = np.abs(centred).max() or 1.0
-    centred = centred / scale
-    axes: Float[np.ndarray, "3 3"] = np.linalg.eigh(centred.T @ centred)[1][:, ::-1].copy()
-    tails = ((centred @ axes) ** 3).sum(0)
-    axes[:, :2] *= np.where(tails[:2] < 0, -1.0, 1.0)
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return axes

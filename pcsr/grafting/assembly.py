@@ -1,4 +1,4 @@
-"""Putting a graft together: a network, one of its layers, and what to hear touch with."""
+"""The assembly of a graft: a network, one of its layers, a fusion and a touch encoder."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
@@ -8,9 +8,9 @@ from torch import Tensor, nn
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.joint import Joint, Layout, PointsLayout
+from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout
 from pcsr.grafting.parts import build_parts, try_parts
-from pcsr.grafting.probe import probe_joint, tensor_like
+from pcsr.grafting.probe import probe_layer, tensor_like
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Registry
 
@@ -29,7 +29,7 @@ def graft(
     keywords: Mapping[str, Any] | None = None,
     registry: Registry | None = None,
 ) -> Grafted:
-    """Let a network hear touch at the layer `at`, whose output is one feature for each of its input points.
+    """Fuse touch into a network at the layer `at`, whose output is one feature for each of its input points.
 
     The network is run once or twice, in `eval` mode and without gradients, to see what the layer gives.
 
@@ -59,23 +59,23 @@ def graft(
         torch.Size([1, 32, 3])
     """
     stated, of_points = _stated("layout", layout, Layout), _stated("points_layout", points_layout, PointsLayout)
-    joint = probe_joint(network, at, stated, points, of_points, probe, arguments, keywords or {})
-    return assemble(network, joint, fusion, touch_encoder, registry)
+    injection_point = probe_layer(network, at, stated, points, of_points, probe, arguments, keywords or {})
+    return assemble(network, injection_point, fusion, touch_encoder, registry)
 
 
 def assemble(
     network: nn.Module,
-    joint: Joint,
+    injection_point: InjectionPoint,
     fusion: str | Mapping[str, Any] | Fusion,
     touch_encoder: str | Mapping[str, Any] | Encoder | None,
     registry: Registry | None,
 ) -> Grafted:
-    """Build the tactile parts for the joint, beside the network's weights, and try them once."""
+    """Build the tactile parts for the injection point, beside the network's weights, and try them once."""
     built, encoder, specs = build_parts(
-        joint.width, fusion, touch_encoder, load_plugins() if registry is None else registry
+        injection_point.width, fusion, touch_encoder, load_plugins() if registry is None else registry
     )
     like = tensor_like(network)
-    grafted = Grafted(network, built, encoder, joint, specs)
+    grafted = Grafted(network, built, encoder, injection_point, specs)
     for part in filter(None, (built, encoder)):
         part.to(like.device, like.dtype).train(network.training)
     try_parts(grafted, like)

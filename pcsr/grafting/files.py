@@ -7,16 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.grafting.assembly import assemble
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.joint import Joint, Layout, PointsLayout
+from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
 from pcsr.plugins.registry import Registry
+from pcsr.weights.file import NONSENSE, card_text, open_tensors, parse_card
+from pcsr.weights.fit import fill
 
 WIDEST = 10**6
 """Channels of the widest layer that touch may enter at."""
@@ -40,7 +41,7 @@ def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | No
             f"the {nameless[0]} of this graft was given as an instance, so that a file cannot say how to build it: "
             f"register its class in a plugin and give its name, or save grafted.state_dict() yourself"
         )
-    card = {"graft": {"joint": asdict(grafted.joint), **grafted.specs}, "about": dict(about or {})}
+    card = {"graft": {"injection_point": asdict(grafted.injection_point), **grafted.specs}, "about": dict(about or {})}
     try:
         header = json.dumps(card)
     except TypeError as error:
@@ -67,53 +68,43 @@ def load_graft(path: Path | str, network: nn.Module, registry: Registry | None =
         True
     """
     path = Path(path)
-    tensors, joint, fusion, touch_encoder = _read(path)
-    find_layer(network, joint.at)
-    grafted = assemble(network, joint, fusion, touch_encoder, registry)
-    wanted = grafted.state_dict()
-    wrong = [f"the file has no {name}" for name in wanted if name not in tensors]
-    wrong += [f"the network has no {name}" for name in tensors if name not in wanted]
-    wrong += [
-        f"{name} is {tuple(tensors[name].shape)} in the file, {tuple(tensor.shape)} in the network"
-        for name, tensor in wanted.items()
-        if name in tensors and tensors[name].shape != tensor.shape
-    ]
-    if wrong:
-        more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
-        raise UserError(
-            f"{path} was saved from another network than this {type(network).__name__}: {'; '.join(wrong[:3])}{more}. "
-            f"Build the network as it was when it was saved"
-        )
-    grafted.load_state_dict(tensors)
+    tensors, point, fusion, touch_encoder = _read(path)
+    find_layer(network, point.at)
+    grafted = assemble(network, point, fusion, touch_encoder, registry)
+    fill(grafted, tensors, path, f"Build the {type(network).__name__} as it was when it was saved")
     return grafted.eval()
 
 
-def _read(path: Path) -> tuple[dict[str, Tensor], Joint, Any, Any]:
+def _read(path: Path) -> tuple[dict[str, Tensor], InjectionPoint, Any, Any]:
     if not path.is_file():
         raise UserError(f"{path}: there is no such file of a graft")
     try:
-        with safe_open(path, "pt") as file:
-            card = json.loads((file.metadata() or {})["pcsr"])["graft"]
+        with open_tensors(path) as file:
+            card = parse_card(card_text(file))["graft"]
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            return tensors, _joint(card["joint"]), card["fusion"], card["touch_encoder"]
-    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
-    except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
-        said = textwrap.shorten(str(error), 200)
+            return (
+                tensors,
+                _point(card),
+                card["fusion"],
+                card["touch_encoder"],
+            )
+    except (OSError, *NONSENSE) as error:
+        reason = textwrap.shorten(str(error), 200)
         raise UserError(
-            f"{path} is not a file of save_graft ({type(error).__name__}: {said}): save the graft again"
+            f"{path} is not a file of save_graft ({type(error).__name__}: {reason}): save the graft again"
         ) from error
 
 
-def _joint(said: Any) -> Joint:
-    """The joint that a header describes.
+def _point(card: Any) -> InjectionPoint:
+    """The injection point that a header describes; graft files of 0.1 call it "joint".
 
     Raises:
         ValueError: it describes none.
     """
-    joint = Joint(**said)
-    words = isinstance(joint.at, str) and isinstance(joint.points, int | str)
-    layouts = joint.layout in get_args(Layout) and joint.points_layout in get_args(PointsLayout)
-    numbers = all(isinstance(number, int) and 0 < number <= WIDEST for number in (joint.width, joint.channels))
+    point = InjectionPoint(**card.get("injection_point", card.get("joint")))
+    words = isinstance(point.at, str) and isinstance(point.points, int | str)
+    layouts = point.layout in get_args(Layout) and point.points_layout in get_args(PointsLayout)
+    numbers = all(isinstance(number, int) and 0 < number <= WIDEST for number in (point.width, point.channels))
     if not (words and layouts and numbers):
-        raise ValueError("its joint is none")
-    return joint
+        raise ValueError("its injection point is none")
+    return point

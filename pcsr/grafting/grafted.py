@@ -13,16 +13,17 @@ from torch import Tensor, nn
 
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError
-from pcsr.grafting.joint import Joint, check_output, from_bnc, to_bnc, visual_points
+from pcsr.geometry.checks import check_frame
+from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
-FAR = 10.0
-"""Radii of a cloud: touches whose centres all lie further from its centre are in another frame or unit."""
+MOST_DISTANCE = 5.0
+"""The largest distance between the centre of a cloud and that of its nearest touch, in diameters of the cloud."""
 
 
 class Grafted(nn.Module):
-    """A network that hears touch at one of its layers; without touches, bit for bit the network alone.
+    """A network with touch fused in at one of its layers; without touches, bit for bit the network alone.
 
     Examples:
         >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
@@ -39,18 +40,18 @@ class Grafted(nn.Module):
         network: nn.Module,
         fusion: Fusion,
         touch_encoder: Encoder | None,
-        joint: Joint,
+        injection_point: InjectionPoint,
         specs: dict[str, Any],
     ) -> None:
         super().__init__()
         self.network = network
         self.fusion = fusion
         self.touch_encoder = touch_encoder
-        self.joint = joint
+        self.injection_point = injection_point
         self.specs = specs
 
     def forward(self, *args: Any, touches: Tensor | None = None, mask: Tensor | None = None, **kwargs: Any) -> Any:
-        """What the network gives, with the touches heard at the joint.
+        """What the network gives, with the touches fused in at the injection point.
 
         Args:
             *args: the network's own, handed through.
@@ -69,7 +70,7 @@ class Grafted(nn.Module):
                     "network's own that is called mask goes by its position"
                 )
             return self.network(*args, **kwargs)
-        points = visual_points(self.joint, args, kwargs)
+        points = visual_points(self.injection_point, args, kwargs)
         mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device) if mask is None else mask
         _check_touches(points, touches, mask)
         exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
@@ -77,7 +78,7 @@ class Grafted(nn.Module):
             return self.network(*args, **kwargs)
         if not exporting:
             _check_frame(points, touches, mask)
-        if isinstance(self.network, Grafted):  # a second joint: both hear the same touches
+        if isinstance(self.network, Grafted):  # a second injection point: both get the same touches
             kwargs |= {"touches": touches, "mask": mask}
         return self._touched(points, touches, mask, args, kwargs)
 
@@ -93,7 +94,7 @@ class Grafted(nn.Module):
         self, points: Points, touches: Tensor, mask: Tensor, args: Sequence[Any], kwargs: Mapping[str, Any]
     ) -> Any:
         """Call the network with the hook in place, and take it away again whatever happens."""
-        at, layout = self.joint.at, self.joint.layout
+        at, layout = self.injection_point.at, self.injection_point.layout
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
         calls = 0
 
@@ -109,7 +110,7 @@ class Grafted(nn.Module):
                     f"layer '{at}' runs without gradients, so its graft would learn nothing: graft at a layer outside "
                     f"of torch.no_grad() and of checkpointed blocks, or call the graft under torch.no_grad()"
                 )
-            check_output(self.joint, output, points)
+            check_output(self.injection_point, output, points)
             features = to_bnc(output, layout)
             fused = fuse(self.fusion, self.touch_encoder, points, features, touches, mask)
             if torch.compiler.is_exporting():  # `fuse` leaves out nobody there
@@ -123,7 +124,7 @@ class Grafted(nn.Module):
             handle.remove()
         if not calls:
             raise UserError(
-                f"layer '{at}' was not called in this pass, so the touches were not heard: graft at a layer that "
+                f"layer '{at}' was not called in this pass, so the touches had no effect: graft at a layer that "
                 f"every pass goes through"
             )
         return result
@@ -153,11 +154,13 @@ def _check_frame(points: Points, touches: Tensor, mask: Tensor) -> None:
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)
     distance = (touches.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
-    far = ~(distance <= FAR * radius[:, None])
-    wrong = mask.any(1) & (far | ~mask).all(1)
-    if wrong.any():
-        row = int(wrong.nonzero()[0])
-        raise UserError(
-            f"row {row} of the batch: its touches are {float(distance[row][mask[row]].min()):.3g} or more from the "
-            f"centre of a cloud of radius {float(radius[row]):.3g}: give points and touches in one frame and unit"
-        )
+    nearest = distance.nan_to_num(torch.inf).masked_fill(~mask, torch.inf).amin(1)
+    for row, (away, reach, touched) in enumerate(torch.stack([nearest, radius, mask.any(1)], 1).tolist()):
+        if touched:
+            check_frame(
+                f"row {row} of the batch: its nearest touch",
+                "the centre of its cloud",
+                distance=away,
+                extent=2 * reach,
+                most_distance=MOST_DISTANCE,
+            )

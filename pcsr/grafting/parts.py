@@ -9,13 +9,13 @@ from pydantic import ValidationError
 from torch import Tensor
 
 from pcsr.contracts import Encoder, Fusion, Widths
-from pcsr.errors import UserError, did_you_mean
+from pcsr.errors import UserError
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
 from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import PartSpec, options_model
-from pcsr.validation_messages import explained
+from pcsr.validation_messages import described
 
 
 def build_parts(
@@ -62,7 +62,10 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     except TypeError as error:
         raise UserError(f"{kind} '{name}': options are what JSON can write, but {error}") from error
     except ValidationError as error:
-        mistakes = [_mistake(f"{kind} '{name}'", one, model.model_fields) for one in error.errors()]
+        owner, known = f"{kind} '{name}'", model.model_fields
+        mistakes = [
+            described([one], f"{owner}.{'.'.join(map(str, one['loc']))}", owner, known) for one in error.errors()
+        ]
         raise UserError("; ".join(mistakes)) from error
     options = {key: getattr(checked, key) for key in model.model_fields}
     try:
@@ -72,21 +75,11 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     return built, {"use": name, **options}
 
 
-def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> str:
-    """One of pydantic's errors as a recipe would say it."""
-    key = ".".join(map(str, error["loc"]))
-    if error["type"] == "extra_forbidden":
-        return f"{owner} takes no '{key}': {did_you_mean(key, known)}"
-    if error["type"] == "missing":
-        return f"{owner}.{key} is missing: add it"
-    return f"{owner}.{key}: {explained([error])}"
-
-
 def try_parts(grafted: Grafted, like: Tensor) -> None:
     """Fuse something once, so that parts of other widths are found out here and not in training."""
     random = torch.Generator().manual_seed(0)
     cloud = torch.rand(1, 64, 3, generator=random).to(like)
-    features = torch.rand(1, 64, grafted.joint.width, generator=random).to(like)
+    features = torch.rand(1, 64, grafted.injection_point.width, generator=random).to(like)
     mask = torch.ones(1, 1, dtype=torch.bool, device=like.device)
     with quiet(grafted, like.device):
         try:
@@ -95,7 +88,8 @@ def try_parts(grafted: Grafted, like: Tensor) -> None:
         except Exception as error:  # an instance of other widths fails in whatever way its layers do
             fused, reason = None, f"{type(error).__name__}: {one_line(error)}"
     if fused is None or fused.shape != features.shape:
+        point = grafted.injection_point
         raise UserError(
-            f"the fusion {type(grafted.fusion).__name__} does not fit layer '{grafted.joint.at}' of "
-            f"{grafted.joint.width} channels and its touch encoder: {reason}. Make it for these widths or name it"
+            f"the fusion {type(grafted.fusion).__name__} does not fit layer '{point.at}' of {point.width} channels and "
+            f"its touch encoder: {reason}. Make it for these widths or name it"
         )

@@ -9,12 +9,12 @@ import torch
 from torch import Tensor, nn
 
 from pcsr.errors import UserError
-from pcsr.grafting.joint import Joint, Layout, PointsLayout, channel_axis, check_output
+from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout, channel_axis, check_output
 
 Shape = tuple[int, ...]
 
 
-def probe_joint(
+def probe_layer(
     network: nn.Module,
     at: str,
     layout: Layout | None,
@@ -23,7 +23,7 @@ def probe_joint(
     probe: Sequence[int] | Tensor,
     arguments: Sequence[Any],
     keywords: Mapping[str, Any],
-) -> Joint:
+) -> InjectionPoint:
     """Run the network, twice where the layout is not stated, and look at what the layer gives."""
     layer = find_layer(network, at)
     if isinstance(points, int) and not 0 <= points <= len(arguments):
@@ -57,10 +57,10 @@ def probe_joint(
         width = shapes[0][2 if layout == "bnc" else 1] if len(shapes[0]) > 2 else 0
     else:
         layout, width = _find(at, counts, shapes)
-    joint = Joint(at, layout, width, points, points_layout, cloud.shape[3 - axis])
+    injection_point = InjectionPoint(at, layout, width, points, points_layout, cloud.shape[3 - axis])
     for one, output in zip(clouds, outputs, strict=True):
-        check_output(joint, output, one if axis == 1 else one.transpose(1, 2))
-    return joint
+        check_output(injection_point, output, one if axis == 1 else one.transpose(1, 2))
+    return injection_point
 
 
 def find_layer(network: nn.Module, at: str) -> nn.Module:
@@ -148,7 +148,7 @@ def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layo
     along = [axis for axis in axes if (first[axis], second[axis]) == (n, more)]
     moved = [axis for axis in axes if first[axis] != second[axis]]
     if len(along) > 1 or (along and moved != along):
-        raise UserError(f"{shown}: its width cannot be told: state it with layout='bnc', 'bcn' or 'bcn1'")
+        raise UserError(f"{shown}: its width is ambiguous: state it with layout='bnc', 'bcn' or 'bcn1'")
     if not along and len(moved) == 1:
         raise UserError(f"{shown}: not as many points as entered, as behind a sampling: graft ahead of it")
     known: dict[tuple[int, int], tuple[Layout, int]] = {(3, 1): ("bnc", 2), (3, 2): ("bcn", 1), (4, 2): ("bcn1", 1)}

@@ -8,8 +8,9 @@ import torch
 from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
-from pcsr.clouds.formats.mesh import check_faces
+from pcsr.clouds.meshes import check_faces
 from pcsr.errors import UserError, did_you_mean
+from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, Mesh
 from pcsr.metrics.emd import check_sizes
@@ -50,7 +51,9 @@ def evaluate(
         >>> evaluate(truth, truth)
         {'cd': 0.0, 'hd': 0.0, 'hd-pugcn': 0.0, 'emd': 0.0}
     """
-    clouds = [_finite(convert(cloud).points, which) for cloud, which in ((prediction, "prediction"), (truth, "truth"))]
+    clouds = [convert(prediction).cloud.points, convert(truth).cloud.points]
+    for cloud, which in zip(clouds, ("the prediction", "the truth"), strict=True):
+        check_cloud(cloud, which)
     frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
     if frame not in frames:
         raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
@@ -92,17 +95,6 @@ def why_no_emd(prediction: int, truth: int) -> str:
     except UserError as error:
         return str(error)
     return ""
-
-
-def _finite(cloud: Float[np.ndarray, "n 3"], which: str) -> Float[np.ndarray, "n 3"]:
-    bad = int((~np.isfinite(cloud).all(axis=1)).sum())
-    if bad or not len(cloud):
-        raise UserError(
-            f"the {which} has {bad} points of {len(cloud)} with a coordinate that is not finite: remove them"
-            if bad
-            else f"the {which} has no points: there is nothing to measure"
-        )
-    return cloud
 
 
 def _scaled(cloud: Float[np.ndarray, "n 3"], sphere: UnitSphere, frame: str) -> Float[np.ndarray, "n 3"]:

@@ -1,12 +1,12 @@
 """Optimal transport of one large cloud to another: a sparse problem, made larger until its solution is proven.
 
 Every point has the same mass, so the cheapest plan is an assignment (points that coincide are one of more mass, which
-changes nothing but the time). Of the n² pairs very few are of use. Which ones, prices tell: by duality, if u[i] + v[j]
-never exceeds the distance of i and j, no plan costs less than all masses times their prices, and a pair whose distance
-exceeds u[i] + v[j] by much is in no good plan.
+changes nothing but the time). Of the n² pairs very few are of use. The dual potentials u and v show which: if
+u[i] + v[j] never exceeds the distance of i and j, no plan costs less than all masses times their potentials, and a pair
+whose distance exceeds u[i] + v[j] by much is in no good plan.
 
-First prices come from a small problem, the centroids of small cells of both clouds. Then the network simplex of POT
-(Bonneel et al., ACM TOG 30, 2011) solves the pairs that look best, and its prices are held against all pairs. Where
+First potentials come from a small problem, the centroids of small cells of both clouds. Then the network simplex of POT
+(Bonneel et al., ACM TOG 30, 2011) solves the pairs that look best, and its potentials are held against all pairs. Where
 they are too high, pairs are missing, and are added.
 """
 
@@ -19,10 +19,11 @@ from scipy.sparse import coo_array
 
 from pcsr.extras import imported
 from pcsr.geometry.patches import cells
+from pcsr.tensors import CloudArray
 from pcsr.threads import allowed, single_thread, threads
 
 CELL = 8
-"""Points of a cell of the small problem: larger ones give worse first prices, smaller ones a larger problem."""
+"""Points of a cell of the small problem: larger ones give worse first potentials, smaller ones a larger problem."""
 FIRST, MORE = 16, 8
 """Pairs of each point: in the first sparse problem, from both sides, and added in each round."""
 BLOCK = 32
@@ -35,8 +36,6 @@ ROUNDING = 1e-12
 
 USER = "the earth mover's distance of large clouds"
 """What needs POT, in a message to who hasn't got it."""
-
-Cloud = Float[np.ndarray, "n 3"]
 Prices = Float[np.ndarray, " n"]
 Counts = Int[np.ndarray, " n"]
 Other = Float[np.ndarray, "m 3"]
@@ -45,7 +44,7 @@ OtherCounts = Int[np.ndarray, " m"]
 Pairs = Int[np.ndarray, " pairs"]
 
 
-def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
+def mean_distance(a: CloudArray, b: CloudArray, tolerance: float) -> tuple[float, float]:
     """Mean distance of a one-to-one assignment of a to b that is proven to be near the best.
 
     Args:
@@ -70,11 +69,11 @@ def mean_distance(a: Cloud, b: Cloud, tolerance: float) -> tuple[float, float]:
     return extent * mean, extent * bound
 
 
-def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tuple[float, float]:
-    centres, prices = _prices_of_cells(a, b)
+def _mean_distance(a: CloudArray, b: CloudArray, tolerance: float, pool: Executor) -> tuple[float, float]:
+    centres, potentials = _potentials_of_cells(a, b)
     a, count_a = np.unique(a, axis=0, return_counts=True)
     b, count_b = np.unique(b, axis=0, return_counts=True)
-    v, _ = _cheapest(pool, b, centres, prices, 1)  # the highest that the prices of a's cells allow
+    v, _ = _cheapest(pool, b, centres, potentials, 1)  # the highest that the potentials of a's cells allow
     u, pairs_of_a = _cheapest(pool, a, b, v, FIRST)
     _, pairs_of_b = _cheapest(pool, b, a, u, FIRST)
     j, i = np.divmod(pairs_of_b, len(a))
@@ -89,7 +88,7 @@ def _mean_distance(a: Cloud, b: Cloud, tolerance: float, pool: Executor) -> tupl
         pairs = enlarged
 
 
-def _cells(cloud: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
+def _cells(cloud: CloudArray) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
     """Centroids of small cells, and the share of the points in each."""
     rows = list(cells(cloud, CELL))
     centres = np.stack([cloud[some].mean(0) for some in rows])
@@ -103,8 +102,8 @@ def _some_plan(count_a: Counts, count_b: OtherCounts) -> Pairs:
     return np.searchsorted(ends_a, cuts) * len(count_b) + np.searchsorted(ends_b, cuts)
 
 
-def _prices_of_cells(a: Cloud, b: Cloud) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
-    """Centroids of a's cells, and their prices in the best plan to those of b's."""
+def _potentials_of_cells(a: CloudArray, b: CloudArray) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
+    """Centroids of a's cells, and their potentials in the best plan to those of b's."""
     ot = imported("ot", USER)  # takes a second
     (centres, shares), (centres_b, shares_b) = (_cells(cloud) for cloud in (a, b))
     cost = np.linalg.norm(centres[:, None] - centres_b, axis=2)
@@ -113,9 +112,9 @@ def _prices_of_cells(a: Cloud, b: Cloud) -> tuple[Float[np.ndarray, "c 3"], Floa
 
 
 def _solve(
-    a: Cloud, count_a: Counts, b: Other, count_b: OtherCounts, pairs: Pairs
+    a: CloudArray, count_a: Counts, b: Other, count_b: OtherCounts, pairs: Pairs
 ) -> tuple[float, Prices, OtherPrices]:
-    """The mean distance of the best plan that uses these pairs alone, and the prices u and v that prove it."""
+    """The mean distance of the best plan that uses these pairs alone, and the potentials u and v that prove it."""
     ot = imported("ot", USER)
     i, j = np.divmod(pairs, len(b))
     cost = coo_array((np.linalg.norm(a[i] - b[j], axis=1), (i, j)), shape=(len(a), len(b)))
@@ -125,7 +124,7 @@ def _solve(
 
 
 def _cheapest(
-    pool: Executor, a: Cloud, b: Other, v: OtherPrices, count: int, u: Prices | None = None
+    pool: Executor, a: CloudArray, b: Other, v: OtherPrices, count: int, u: Prices | None = None
 ) -> tuple[Prices, Pairs]:
     """For each point of a the least distance − v, and pairs with the up to `count` points of b where it is least.
 
@@ -133,7 +132,7 @@ def _cheapest(
     would pay most: that helps where many points of a are alike, and all are cheapest with the same points of b.
     """
     count = min(count, len(b))
-    points, others, prices = (torch.from_numpy(array) for array in (a, b, v))
+    points, others, potentials = (torch.from_numpy(array) for array in (a, b, v))
     # Made at once: small arrays that stay, between the large ones that go, would keep the memory of all of them.
     least = torch.zeros(len(a), dtype=torch.float64)
     partners = torch.zeros((len(a), count), dtype=torch.int64)
@@ -143,7 +142,7 @@ def _cheapest(
     def look(start: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Fill a block of `least` and `partners`; which points of b gain, how much, and with whom."""
         rows = slice(start, start + BLOCK)
-        cost = torch.cdist(points[rows], others, compute_mode="donot_use_mm_for_euclid_dist").sub_(prices)
+        cost = torch.cdist(points[rows], others, compute_mode="donot_use_mm_for_euclid_dist").sub_(potentials)
         values, partners[rows] = cost.topk(count, largest=False)
         least[rows] = values[:, 0]
         if u is None:

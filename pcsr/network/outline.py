@@ -13,7 +13,8 @@ from torch.nn.modules.module import (
 )
 
 from pcsr.errors import UserError
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 

@@ -114,7 +114,7 @@ class Failure:
         return described(self.error)
 
 
-@dataclass
+@dataclass(eq=False)
 class Registry:
     """Parts of all plugins, as `pcsr.plugins.loading.load_plugins` returns them."""
 

@@ -10,17 +10,17 @@ from pcsr.recipe.compose import compose, override_key
 from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
-from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import MOST_LISTED, Keys, Location, Mistake, RecipeError, Source
 
 __all__ = [
     "DATA",
     "MODEL",
     "PARTS",
     "Data",
+    "Location",
     "Mistake",
     "PartSpec",
     "Patches",
-    "Place",
     "Recipe",
     "RecipeError",
     "View",
@@ -59,7 +59,7 @@ def load(
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:
             mistakes.update(error.mistakes)
-            if len(mistakes) > MOST_TOLD:  # further runs of a matrix mostly repeat the same mistakes
+            if len(mistakes) > MOST_LISTED:  # further runs of a matrix mostly repeat the same mistakes
                 break
     if mistakes:
         raise RecipeError(mistakes)
@@ -83,7 +83,7 @@ def for_data(
         RecipeError: the recipe has mistakes; it holds all of them.
     """
     data = {"shapes": {"use": shapes, **options}, "touches": PAPER_TOUCHES}
-    source = Source({"name": "data", "data": data}, {(): Place(f"shapes {shapes}")})
+    source = Source({"name": "data", "data": data}, {(): Location(f"shapes {shapes}")})
     for override in overrides:
         key = override.partition("=")[0].partition(".")[0]
         section = part or ("" if key in Data.model_fields else "shapes")
@@ -108,4 +108,4 @@ def from_resolved(
     Raises:
         RecipeError: the recipe names parts or options that this installation does not have.
     """
-    return check(Source(data, {(): Place(origin)}), registry, parts)
+    return check(Source(data, {(): Location(origin)}), registry, parts)

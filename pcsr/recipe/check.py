@@ -13,10 +13,10 @@ from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import MODEL, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patches, Recipe, options_model
-from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
+from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
 from pcsr.validation_messages import explained, shown
 
-Locate = Callable[[Keys, bool], Place]
+Locate = Callable[[Keys, bool], Location]
 """Function from the keys of a value to its location in the file or, if the flag is true, to that of its last key."""
 
 
@@ -50,10 +50,10 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     try:
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
-        mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.place(keys, of_name=name))
+        mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.location(keys, of_name=name))
     # One mistake for each location: a value that could not be read has the wrong type too.
-    unread = {mistake.place for mistake in source.mistakes}
-    mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.place not in unread)]
+    unread = {mistake.location for mistake in source.mistakes}
+    mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.location not in unread)]
     if recipe is not None and not mistakes:
         mistakes = _contradictions(source, recipe, registry)
     if mistakes or recipe is None:
@@ -75,7 +75,7 @@ def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Reci
     Raises:
         RecipeError: the recipe has mistakes, or names parts or options of the network that are not installed.
     """
-    source = Source(copy.deepcopy(written), {(): Place(origin)})
+    source = Source(copy.deepcopy(written), {(): Location(origin)})
     modernize(source)
     try:
         Evaluate.model_validate(source.data.get("evaluate", {}))
@@ -98,25 +98,25 @@ def _part(
     if not _is_part(written):
         example = next(iter(registry.names(kind)), "name")
         text = f"{'.'.join(map(str, keys))}: name the part, as `{keys[-1]}: {example}` or with `use:`"
-        mistakes.append(Mistake(source.place(keys), text))
+        mistakes.append(Mistake(source.location(keys), text))
         return blank
     name = written["use"]
     try:
         model = options_model(registry.get(kind, name))
     except UserError as error:
-        mistakes.append(Mistake(source.place((*keys, "use")), str(error)))
+        mistakes.append(Mistake(source.location((*keys, "use")), str(error)))
         return blank
     except Exception as error:  # a part's constructor may have annotations that cannot be evaluated
         text = f"the options of {kind} '{name}' cannot be read from its constructor: {error}"
-        mistakes.append(Mistake(source.place((*keys, "use")), text))
+        mistakes.append(Mistake(source.location((*keys, "use")), text))
         return blank
     options = _options(written)
     try:
         checked = model.model_validate_json(json.dumps(options))
     except ValidationError as error:
 
-        def locate(inner: Keys, of_name: bool) -> Place:
-            return source.place((*keys, *inner), of_name=of_name)
+        def locate(inner: Keys, of_name: bool) -> Location:
+            return source.location((*keys, *inner), of_name=of_name)
 
         mistakes += _mistakes(error, options, model, (f"{kind} '{name}'",), locate)
         return blank
@@ -128,16 +128,16 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
     written = data.get("code")
     code: dict[str, str] = {}
     for keys, kind in PARTS.items():
-        place = ".".join(map(str, keys))
+        location = ".".join(map(str, keys))
         section = data.get(str(keys[0]))
         spec = section.get(keys[1]) if isinstance(section, dict) else None
         if keys in parts:
             entry = registry.entries.get((kind, spec["use"])) if isinstance(spec, dict) else None
             known = entry.code if entry is not None else None
         else:
-            known = written.get(place) if isinstance(written, dict) else None
+            known = written.get(location) if isinstance(written, dict) else None
         if isinstance(known, str):
-            code[place] = known
+            code[location] = known
     return code
 
 
@@ -213,20 +213,20 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
     low, high = recipe.touch_range
     if low > high:
         text = f"train.touches: the minimum, {low}, is more than the maximum, {high}: swap them"
-        found.append(Mistake(source.place(("train", "touches")), text))
+        found.append(Mistake(source.location(("train", "touches")), text))
     for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "baselines")):
         names = getattr(getattr(recipe, section), key)
         for index, name in enumerate(names):
             if name in names[:index]:
                 text = f"{section}.{key}: '{name}' is listed twice: remove one of the two"
-                found.append(Mistake(source.place((section, key, index)), text))
+                found.append(Mistake(source.location((section, key, index)), text))
     found += _too_large(source, recipe)
     if recipe.patches:
         found += _patch_mistakes(source, recipe, recipe.patches)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
         text = f"fusion '{fusion}' uses no touch features, so a touch_encoder has no effect: remove it"
-        found.append(Mistake(source.place(("model", "touch_encoder")), text))
+        found.append(Mistake(source.location(("model", "touch_encoder")), text))
     return found
 
 
@@ -236,13 +236,13 @@ def _too_large(source: Source, recipe: Recipe) -> list[Mistake]:
     truth, rays = data.points * data.rate, view.cameras * view.pixels**2
     if truth > MOST_TRUTH:
         text = f"data.points × data.rate are {truth} points of an object, more than {MOST_TRUTH}: lower one of them"
-        found.append(Mistake(source.place(("data", "points")), text))
+        found.append(Mistake(source.location(("data", "points")), text))
     if rays > MOST_RAYS:
         text = (
             f"data.view: {view.cameras} cameras of {view.pixels} × {view.pixels} pixels are {rays} rays, "
             f"more than {MOST_RAYS}: lower cameras or pixels"
         )
-        found.append(Mistake(source.place(("data", "view")), text))
+        found.append(Mistake(source.location(("data", "view")), text))
     return found
 
 
@@ -258,11 +258,11 @@ def _patch_mistakes(source: Source, recipe: Recipe, patches: Patches) -> list[Mi
             f"patches.rate is {patches.rate}, and no power of it is data.rate, {data.rate}: "
             f"repeated passes of the network cannot reach that rate"
         )
-        found.append(Mistake(source.place(("patches", "rate")), text))
+        found.append(Mistake(source.location(("patches", "rate")), text))
     if patches.points * patches.rate > data.points * data.rate:
         text = (
             f"patches.points: a patch of {patches.points} points covers {patches.points * patches.rate} points of the "
             f"truth, which has only {data.points * data.rate}: lower it"
         )
-        found.append(Mistake(source.place(("patches", "points")), text))
+        found.append(Mistake(source.location(("patches", "points")), text))
     return found

@@ -8,7 +8,7 @@ from typing import Any
 from pcsr.errors import UserError
 from pcsr.recipe.matrix import add_axis, count_runs, expand, varied
 from pcsr.recipe.merge import assign, assign_dotted, merge, normalize
-from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, RecipeError, Source, read, scalar
+from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, RecipeError, Source, read, scalar
 from pcsr.validation_messages import shortened, shown, shown_path
 
 MOST_RUNS = 1_000
@@ -45,7 +45,7 @@ def compose(
         runs += count_runs(source)
         if runs > MOST_RUNS:
             text = f"it has {shown(runs)} runs or more, and one command takes at most {MOST_RUNS}: split the study"
-            raise RecipeError([Mistake(source.place(("matrix",)), text)])
+            raise RecipeError([Mistake(source.location(("matrix",)), text)])
         yield from expand(source)
 
 
@@ -75,20 +75,20 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
         changes = row if isinstance(row, dict) else {"use": row}
         if not isinstance(changes.get("use"), str):
             text = "a recipe to compare is a file, or `{use: file, dotted.key: value}`"
-            raise RecipeError([Mistake(study.place(item), text)])
+            raise RecipeError([Mistake(study.location(item), text)])
         target = path.parent / changes["use"]
         if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
             text = f"there is no recipe {shown_path(target)}: it is relative to this file"
-            raise RecipeError([Mistake(study.place(item), text)])
+            raise RecipeError([Mistake(study.location(item), text)])
         single = _with_parents(target, ())
         if "recipes" in single.data:
             text = f"{target} is a study itself: name its recipes instead"
-            raise RecipeError([Mistake(study.place(item), text)])
+            raise RecipeError([Mistake(study.location(item), text)])
         name = changes.get("name", single.data.get("name"))
         merged = merge(single, study)
         for dotted, value in changes.items():
             if dotted != "use":
-                assign_dotted(merged, dotted, value, study.place((*item, dotted)))
+                assign_dotted(merged, dotted, value, study.location((*item, dotted)))
         if isinstance(name, str) and isinstance(study.data.get("name"), str):
             merged.data["name"] = f"{study.data['name']}-{name}"
         yield merged
@@ -100,19 +100,19 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     if "extends" not in source.data:
         return source
     parent = source.data.pop("extends")
-    place = source.values[("extends",)]
+    location = source.values[("extends",)]
     if not isinstance(parent, str):
-        raise RecipeError([Mistake(place, f"extends must be one recipe file, got {shown(parent)}")])
+        raise RecipeError([Mistake(location, f"extends must be one recipe file, got {shown(parent)}")])
     target = path.parent / parent
     chain = (*children, path.resolve())
     if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
         text = f"there is no recipe {shown_path(target)}: extends is relative to this file"
-        raise RecipeError([Mistake(place, text)])
+        raise RecipeError([Mistake(location, text)])
     if target.resolve() in chain:
-        raise RecipeError([Mistake(place, f"'{parent}' extends this recipe in turn: break the circle")])
+        raise RecipeError([Mistake(location, f"'{parent}' extends this recipe in turn: break the circle")])
     if len(chain) > MOST_PARENTS:
         text = f"more than {MOST_PARENTS} recipes extend each other in a chain: shorten it"
-        raise RecipeError([Mistake(place, text)])
+        raise RecipeError([Mistake(location, text)])
     return merge(_with_parents(target, chain), source)
 
 
@@ -124,7 +124,7 @@ def override_key(source: Source, override: str, written: str | None = None) -> N
         override: the change, with the value in YAML.
         written: the option as the user wrote it, for messages; `override` by default.
     """
-    place = Place(f"--set {shortened(written or override, LONGEST_OPTION)}")
+    location = Location(f"--set {shortened(written or override, LONGEST_OPTION)}")
     dotted, equals, text = override.partition("=")
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")
@@ -132,18 +132,18 @@ def override_key(source: Source, override: str, written: str | None = None) -> N
     together = [axis for axis, rows in axes.items() if axis != dotted and dotted in varied(rows)]
     if not equals or not all(keys):
         remedy = "write --set dotted.key=value, for example --set train.epochs=5"
-        source.mistakes.append(Mistake(place, remedy))
+        source.mistakes.append(Mistake(location, remedy))
     elif len(keys) > DEEPEST:
         text = f"it nests {len(keys)} keys, and a recipe at most {DEEPEST}: shorten it"
-        source.mistakes.append(Mistake(place, text))
+        source.mistakes.append(Mistake(location, text))
     elif keys[0] == "extends":
-        source.mistakes.append(Mistake(place, "extends cannot be set by an option: write it in the file"))
+        source.mistakes.append(Mistake(location, "extends cannot be set by an option: write it in the file"))
     elif together:
         remedy = f"the matrix varies {dotted} together with others: change matrix.{together[0]} in the file"
-        source.mistakes.append(Mistake(place, remedy))
+        source.mistakes.append(Mistake(location, remedy))
     else:
         axes.pop(dotted, None)
         try:
-            assign(source, keys, scalar(text, place), place)
+            assign(source, keys, scalar(text, location), location)
         except RecipeError as error:
             source.mistakes += error.mistakes

@@ -9,7 +9,7 @@ from typing import Any
 from pcsr.recipe.merge import assign, assign_dotted
 from pcsr.recipe.old_names import modern_key
 from pcsr.recipe.schema import NAME
-from pcsr.recipe.source import Keys, Mistake, Place, Source
+from pcsr.recipe.source import Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
 
 LONGEST_LABEL = 60
@@ -29,13 +29,13 @@ def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
     axis = modern_key(axis)
     data = source.data.get("data", {})
     if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
-        assign(source, ("data", "seed"), source.data.get("seed", 0), Place("--seeds"))
+        assign(source, ("data", "seed"), source.data.get("seed", 0), Location("--seeds"))
     matrix = source.data.setdefault("matrix", {})
     if isinstance(matrix, dict):  # `expand` reports any other type
         matrix[axis] = list(values)
         source.values.setdefault(("matrix",), source.values[()])
         for number, value in enumerate(values):
-            source.values["matrix", axis, number] = Place(f"--{axis.rpartition('.')[2]} {value}")
+            source.values["matrix", axis, number] = Location(f"--{axis.rpartition('.')[2]} {value}")
 
 
 def varied(rows: Any) -> set[str]:
@@ -80,24 +80,24 @@ def expand(source: Source) -> Iterator[Source]:
 def _vary(run: Source, written: Source, axis: str, value: Any, index: int) -> None:
     item: Keys = ("matrix", axis, index)
     if not _is_group(value):
-        assign_dotted(run, axis, value, written.place(item), written.names.get(item[:2]))
+        assign_dotted(run, axis, value, written.location(item), written.names.get(item[:2]))
         return
     for dotted, one in value.items():
         inner = (*item, dotted)
-        assign_dotted(run, dotted, one, written.place(inner), written.names.get(inner))
+        assign_dotted(run, dotted, one, written.location(inner), written.names.get(inner))
 
 
 def _matrix_mistakes(source: Source, matrix: Any) -> list[Mistake]:
     text = "a matrix maps dotted keys to lists of values: `model.fusion: [none, concat]`"
     if not isinstance(matrix, dict):
-        return [Mistake(source.place(("matrix",)), text)]
+        return [Mistake(source.location(("matrix",)), text)]
     mistakes = []
     for axis, rows in matrix.items():
         if axis in ("extends", "matrix"):
             mistake = f"a matrix cannot vary '{axis}': write it at the top level of the file"
-            mistakes.append(Mistake(source.place(("matrix", axis), of_name=True), mistake))
+            mistakes.append(Mistake(source.location(("matrix", axis), of_name=True), mistake))
         elif not (isinstance(rows, list) and rows):
-            mistakes.append(Mistake(source.place(("matrix", axis)), text))
+            mistakes.append(Mistake(source.location(("matrix", axis)), text))
     return mistakes
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from pcsr.recipe.old_names import modernize
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import DEFAULTS
-from pcsr.recipe.source import DEEPEST, Keys, Mistake, Place, Source
+from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
 
 
@@ -16,7 +16,7 @@ def normalize(source: Source) -> Source:
         section = source.data.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
             section[keys[1]] = {"use": section[keys[1]]}
-            source.values[(*keys, "use")] = source.place(keys)
+            source.values[(*keys, "use")] = source.location(keys)
     modernize(source)
     return source
 
@@ -33,7 +33,7 @@ def merge(base: Source, override: Source) -> Source:
         for known in [keys for keys in locations if _inside(keys, replaced)]:
             del locations[known]
         locations |= {
-            keys: place for keys, place in new_locations.items() if keys in updated or _inside(keys, replaced)
+            keys: location for keys, location in new_locations.items() if keys in updated or _inside(keys, replaced)
         }
     merged.values[()] = override.values[()]
     merged.mistakes += override.mistakes
@@ -72,7 +72,7 @@ def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 
-def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | None = None) -> None:
+def assign(source: Source, keys: Keys, value: Any, location: Location, name: Location | None = None) -> None:
     """Set one value of a recipe, in place, as if a recipe with this value alone were merged over it.
 
     Args:
@@ -85,22 +85,22 @@ def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | N
     if keys[0] == "model" and len(keys) > 1:  # a recipe without a model has the default one, which is changed here
         source.data.setdefault("model", copy.deepcopy(DEFAULTS["model"]))
     data: Any = value
-    over = Source({}, {(): source.values[()], keys: place}, {keys: name or place})
+    over = Source({}, {(): source.values[()], keys: location}, {keys: name or location})
     for depth in range(len(keys), 0, -1):
         data = {keys[depth - 1]: data}
         if keys[:depth] not in source.values:
-            over.values[keys[:depth]] = place
-            over.names[keys[:depth]] = name or place
+            over.values[keys[:depth]] = location
+            over.names[keys[:depth]] = name or location
     over.data = data
     merged = merge(source, normalize(over))
     source.data, source.values, source.names = merged.data, merged.values, merged.names
 
 
-def assign_dotted(source: Source, dotted: str, value: Any, place: Place, name: Place | None = None) -> None:
+def assign_dotted(source: Source, dotted: str, value: Any, location: Location, name: Location | None = None) -> None:
     """Do as `assign`, for a dotted key; a key of too many dots is added to the mistakes."""
     keys = tuple(dotted.split("."))
     if len(keys) > DEEPEST:
         text = f"{shown(dotted)} nests {len(keys)} keys, and a recipe at most {DEEPEST}: shorten it"
-        source.mistakes.append(Mistake(name or place, text))
+        source.mistakes.append(Mistake(name or location, text))
     else:
-        assign(source, keys, value, place, name)
+        assign(source, keys, value, location, name)

@@ -1,5 +1,6 @@
-"""A recipe with `weights`: what they were trained as goes under it, and both must mean one network."""
+"""Recipes that name weights: the recipe in the card fills what they leave out, and both must mean one network."""
 
+import functools
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,44 +9,63 @@ from typing import Any
 from pcsr import weights
 from pcsr.contracts import Trait
 from pcsr.errors import UserError
-from pcsr.files import sha256
+from pcsr.files import identity, sha256
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
 from pcsr.recipe.merge import merge
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe
-from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
-from pcsr.weights.file import read_file
+from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
+from pcsr.weights.file import read_card
+from pcsr.weights.find import find
 
 
 @dataclass(frozen=True)
-class Trained:
-    """Finished weights, and what their card says of them; the weights themselves are not read.
+class WeightsFile:
+    """A file of finished weights and the recipe in its card; the weights themselves are not read.
 
-    Only the parts of the network need be here: those of the data and the training are what the card says of them.
+    Only the parts of the network must be installed, not those of the data and the training.
     """
 
     path: Path
     sha256: str
     """Hash of the file."""
     recipe: Recipe
-    """That they were trained by."""
+    """The recipe that the weights were trained by."""
+    identity: tuple[int, ...] | None
+    """Of the file that was hashed, as `pcsr.files.identity` gives it."""
 
     @classmethod
-    def read(cls, path: Path, registry: Registry) -> "Trained":
-        """Look into a weights file.
+    def read(cls, path: Path, registry: Registry) -> "WeightsFile":
+        """Read the card of a weights file and hash the file; in one process once, unless the file changes.
 
         Raises:
-            UserError: it is no weights file, or its recipe means nothing here.
+            UserError: it is no weights file, its recipe means nothing here, or it changes meanwhile.
         """
-        card = read_file(path, tensors=False)[1]
-        if not isinstance(card.get("recipe"), dict):
-            raise UserError(f"{path} holds no recipe, so nobody knows which network its weights are of")
-        try:
-            recipe = check_card(card["recipe"], registry, f"recipe in {path}")
-        except RecipeError as error:
-            raise UserError("; ".join(map(str, error.mistakes))) from error
-        return cls(path, sha256(path), recipe)
+        return _read(path, identity(path), registry)
+
+    def check_unchanged(self) -> None:
+        """Refuse a file that is another than the one that was hashed.
+
+        Raises:
+            UserError: it is another.
+        """
+        if identity(self.path) != self.identity:
+            raise UserError(f"the weights {self.path} have changed since they were checked: run it again")
+
+
+@functools.lru_cache(maxsize=32)
+def _read(path: Path, file: tuple[int, ...] | None, registry: Registry) -> WeightsFile:
+    card = read_card(path)
+    if not isinstance(card.get("recipe"), dict):
+        raise UserError(f"{path} holds no recipe, so nobody knows which network its weights are of")
+    try:
+        recipe = check_card(card["recipe"], registry, f"recipe in {path}")
+    except RecipeError as error:
+        raise UserError("; ".join(map(str, error.mistakes))) from error
+    weights_file = WeightsFile(path, sha256(path), recipe, file)
+    weights_file.check_unchanged()
+    return weights_file
 
 
 def check_with_weights(source: Source, registry: Registry) -> Recipe:
@@ -61,28 +81,28 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     if written is None:
         return check(source, registry)
     source = source.copy()
-    place = source.place(("weights", "use"))
+    location = source.location(("weights", "use"))
     try:
-        trained, named = _named(written, place, registry)
+        weights_file, named = _named(written, location, registry)
     except UserError as error:
-        source.mistakes.append(Mistake(place, str(error)))
+        source.mistakes.append(Mistake(location, str(error)))
         del source.data["weights"]
         return check(source, registry)
-    plain = trained.recipe.resolved()
+    plain = weights_file.recipe.resolved()
     under = {section: plain[section] for section in ("model", "patches") if section not in source.data}
     under |= {"train": plain["train"], "data": {"rate": plain["data"]["rate"]}}
     laid = merge(Source(under, {(): source.values[()]}), source)
     laid.data["weights"] = named
     laid.data.pop("code", None)  # of an objective that is not looked at
     recipe = check(laid, registry, PARTS.keys() - {("train", "objective")})  # nothing is trained
-    wrong = misfit(recipe, trained.recipe, registry)
+    wrong = misfit(recipe, weights_file.recipe, registry)
     if wrong:
         keys, text = wrong
-        raise RecipeError([Mistake(laid.place(keys), text)])
-    return recipe.model_copy(update={"train": trained.recipe.train})
+        raise RecipeError([Mistake(laid.location(keys), text)])
+    return recipe.model_copy(update={"train": weights_file.recipe.train})
 
 
-def _named(written: Any, place: Place, registry: Registry) -> tuple[Trained, dict[str, Any]]:
+def _named(written: Any, location: Location, registry: Registry) -> tuple[WeightsFile, dict[str, Any]]:
     """The weights that a recipe names, and the resolved form of that."""
     named = written if isinstance(written, dict) else {"use": written}
     use = named.get("use")
@@ -90,32 +110,32 @@ def _named(written: Any, place: Place, registry: Registry) -> tuple[Trained, dic
         known = ", ".join(weights.names())
         raise UserError(f"weights are shipped ones ({known}) or a file, got {json.dumps(written, default=str)}")
     # A line of a file: relative to that file; an option of the command line: to where we are.
-    path = weights.found(use, Path(place.origin).parent if place.line else Path())
-    trained = Trained.read(path, registry)
-    if named.get("sha256", trained.sha256) != trained.sha256:
+    path = find(use, Path(location.origin).parent if location.line else Path())
+    weights_file = WeightsFile.read(path, registry)
+    if named.get("sha256", weights_file.sha256) != weights_file.sha256:
         raise UserError(
-            f"the weights {path} are not those of this recipe: their hash is {trained.sha256[:12]}…, and it says "
+            f"the weights {path} are not those of this recipe: their hash is {weights_file.sha256[:12]}…, and it says "
             f"{str(named['sha256'])[:12]}…: get those, or remove weights.sha256"
         )
-    return trained, {**named, "use": use if use in weights.names() else str(path), "sha256": trained.sha256}
+    return weights_file, {**named, "use": use if use in weights.names() else str(path), "sha256": weights_file.sha256}
 
 
-def check_weights(recipe: Recipe, registry: Registry) -> Trained | None:
-    """The weights of a recipe, which must be those of its hash, of its network, and for the rate of its data.
+def check_weights(recipe: Recipe, registry: Registry) -> WeightsFile | None:
+    """The weights file that a recipe names, or None; its hash, network and rate must be the recipe's.
 
     Raises:
         UserError: they are not.
     """
     if recipe.weights is None:
         return None
-    path = weights.found(recipe.weights.use)
-    trained = Trained.read(path, registry)
-    if trained.sha256 != recipe.weights.sha256:
+    path = find(recipe.weights.use)
+    weights_file = WeightsFile.read(path, registry)
+    if weights_file.sha256 != recipe.weights.sha256:
         raise UserError(f"the weights {path} have changed since the recipe '{recipe.name}' was read: run it again")
-    wrong = misfit(recipe, trained.recipe, registry)
+    wrong = misfit(recipe, weights_file.recipe, registry)
     if wrong:
         raise UserError(f"recipe '{recipe.name}': {wrong[1]}")
-    return trained
+    return weights_file
 
 
 def misfit(recipe: Recipe, trained: Recipe, registry: Registry) -> tuple[Keys, str] | None:

@@ -51,7 +51,7 @@ class View(Section):
     """The simulated depth camera of `sampling: view`."""
 
     cameras: Annotated[int, Field(ge=1, le=64)] = 1
-    """Places that the object is seen from, drawn for each object; what none of them sees is missing."""
+    """Viewpoints, drawn for each object; surface that none of them sees is missing."""
     noise: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Standard deviation along the line of sight, in radii of the object."""
     distance: Annotated[float, Field(gt=1, le=1000)] = 3.0

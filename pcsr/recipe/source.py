@@ -25,11 +25,11 @@ DEEPEST = 32
 """Levels of mappings and lists in each other."""
 MOST_DIGITS = 100
 """Digits of a whole number; each option has a limit of its own far below."""
-MOST_TOLD = 100
-"""Mistakes that are told one by one."""
+MOST_LISTED = 100
+"""The most mistakes that a message lists one by one."""
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """Where something stands: file or command-line option, line and column from 1; 0 where there are none."""
 
     origin: str
@@ -43,11 +43,11 @@ class Place(NamedTuple):
 class Mistake(NamedTuple):
     """One thing that is wrong, and the fix."""
 
-    place: Place
+    location: Location
     text: str
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.text}"
+        return f"{self.location}: {self.text}"
 
 
 class RecipeError(UserError):
@@ -57,8 +57,8 @@ class RecipeError(UserError):
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = sorted(set(mistakes))
-        more = len(self.mistakes) - MOST_TOLD
-        lines = [*map(str, self.mistakes[:MOST_TOLD]), *([f"and {more} more mistakes"] if more > 0 else [])]
+        more = len(self.mistakes) - MOST_LISTED
+        lines = [*map(str, self.mistakes[:MOST_LISTED]), *([f"and {more} more mistakes"] if more > 0 else [])]
         super().__init__("\n".join(lines))
 
 
@@ -67,8 +67,8 @@ class Source:
     """Plain data and where each piece of it stands."""
 
     data: dict[str, Any]
-    values: dict[Keys, Place] = field(default_factory=dict)
-    names: dict[Keys, Place] = field(default_factory=dict)
+    values: dict[Keys, Location] = field(default_factory=dict)
+    names: dict[Keys, Location] = field(default_factory=dict)
     """Of keys rather than their values: an unknown key is marked itself."""
     mistakes: list[Mistake] = field(default_factory=list)
     """What was wrong already in the writing; reported together with what is wrong in the meaning."""
@@ -77,7 +77,7 @@ class Source:
         """The same, to be changed without changing this one."""
         return Source(copy.deepcopy(self.data), dict(self.values), dict(self.names), list(self.mistakes))
 
-    def place(self, keys: Keys, *, of_name: bool = False) -> Place:
+    def location(self, keys: Keys, *, of_name: bool = False) -> Location:
         """Where a value stands; if it isn't written anywhere, where the nearest thing around it does."""
         known = self.names if of_name else self.values
         if keys in known:
@@ -118,26 +118,26 @@ def parse(text: str, origin: str) -> Source:
     """
     node = _composed(text, origin)
     if not isinstance(node, MappingNode):
-        raise RecipeError([Mistake(Place(origin, 1, 1), "a recipe is a mapping: it starts with `name: …`")])
-    source = Source({}, {(): Place(origin, 1, 1)})
+        raise RecipeError([Mistake(Location(origin, 1, 1), "a recipe is a mapping: it starts with `name: …`")])
+    source = Source({}, {(): Location(origin, 1, 1)})
     source.data = _Plain(source, origin).value(node, ())
     return source
 
 
-def scalar(text: str, place: Place) -> Any:
+def scalar(text: str, location: Location) -> Any:
     """A value given on the command line, read as YAML.
 
     Raises:
         RecipeError: it is not YAML, or too large.
     """
-    source = Source({}, {(): place})
+    source = Source({}, {(): location})
     try:
-        node = _composed(text, place.origin)
-        value = None if node is None else _Plain(source, place.origin).value(node, ())
+        node = _composed(text, location.origin)
+        value = None if node is None else _Plain(source, location.origin).value(node, ())
     except RecipeError as error:
-        raise RecipeError([Mistake(place, error.mistakes[0].text)]) from error
+        raise RecipeError([Mistake(location, error.mistakes[0].text)]) from error
     if source.mistakes:
-        raise RecipeError([Mistake(place, source.mistakes[0].text)])
+        raise RecipeError([Mistake(location, source.mistakes[0].text)])
     return value
 
 
@@ -147,13 +147,13 @@ def _composed(text: str, origin: str) -> Node | None:
         node: Node | None = YAML(typ="safe", pure=True).compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = Place(origin, mark.line + 1, mark.column + 1) if mark else Place(origin)
+        location = Location(origin, mark.line + 1, mark.column + 1) if mark else Location(origin)
         what = error.problem or "not YAML"
-        raise RecipeError([Mistake(place, f"{what}: mend the YAML there")]) from error
+        raise RecipeError([Mistake(location, f"{what}: mend the YAML there")]) from error
     except (YAMLError, ValueError) as error:  # a control character: no mark
-        raise RecipeError([Mistake(Place(origin), f"not YAML: {str(error).splitlines()[0]}")]) from error
+        raise RecipeError([Mistake(Location(origin), f"not YAML: {str(error).splitlines()[0]}")]) from error
     except RecursionError as error:
-        raise RecipeError([Mistake(Place(origin), TOO_DEEP)]) from error
+        raise RecipeError([Mistake(Location(origin), TOO_DEEP)]) from error
     return node
 
 
@@ -162,7 +162,7 @@ YAML_TAG = "tag:yaml.org,2002:"
 
 
 class _Plain:
-    """From YAML's nodes to plain data; places and mistakes go into `source`."""
+    """Converts YAML's nodes to plain data; locations and mistakes go into `source`."""
 
     def __init__(self, source: Source, origin: str) -> None:
         self.source = source
@@ -179,7 +179,7 @@ class _Plain:
         if node in around:
             return self.wrong(keys, "an alias inside of what it stands for: write it out")
         if len(around) > DEEPEST:
-            raise RecipeError([Mistake(self.source.place(keys), TOO_DEEP)])
+            raise RecipeError([Mistake(self.source.location(keys), TOO_DEEP)])
         kind = _kind(node)
         if isinstance(node, MappingNode) and kind == "map":
             plain = {}
@@ -207,7 +207,7 @@ class _Plain:
         self.values += 1
         if self.values > MOST_VALUES:
             text = f"more than {MOST_VALUES} values, those that aliases repeat included: no recipe needs so many"
-            raise RecipeError([Mistake(Place(self.origin), text)])
+            raise RecipeError([Mistake(Location(self.origin), text)])
 
     def pairs(
         self, node: MappingNode, keys: Keys, around: tuple[Node, ...]
@@ -263,13 +263,13 @@ class _Plain:
             return self.wrong(keys, f"{shown(text)} is no {kind}: remove the tag, or write one")
         return self.wrong(keys, f"recipes are plain data: remove the tag {_written(node)}")
 
-    def at(self, node: Node) -> Place:
+    def at(self, node: Node) -> Location:
         """Where a node stands."""
-        return Place(self.origin, node.start_mark.line + 1, node.start_mark.column + 1)
+        return Location(self.origin, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def wrong(self, keys: Keys, text: str) -> None:
         """Note a mistake of the value at `keys`, which is None instead."""
-        self.source.mistakes.append(Mistake(self.source.place(keys), text))
+        self.source.mistakes.append(Mistake(self.source.location(keys), text))
 
 
 def _kind(node: Node) -> str:

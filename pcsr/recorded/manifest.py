@@ -1,12 +1,11 @@
 """Strict models of the manifest `touches.json`, and messages about its mistakes. docs/recorded.md describes it."""
 
-from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from pcsr.errors import UserError, did_you_mean
-from pcsr.validation_messages import explained
+from pcsr.errors import UserError
+from pcsr.validation_messages import described
 
 Model = TypeVar("Model", bound=BaseModel)
 MOST_MISTAKES = 20
@@ -227,11 +226,8 @@ def checked(model: type[Model], value: Any, place: str) -> Model:
 def _mistake(one: Any, model: type[BaseModel], place: str) -> str:
     keys = [key for key in one["loc"] if not str(key).startswith("<")]
     path = ".".join(str(key)[:80] for key in [*([place] if place else []), *keys]) or "the file"
-    if one["type"] == "extra_forbidden":
-        return f"{path}: unknown key: {did_you_mean(str(keys[-1])[:80], _fields(model, one['loc']))}"
-    if one["type"] == "missing":
-        return f"{path} is missing: add it"
-    return f"{path}: {explained([one])}"
+    owner = path.rpartition(".")[0] or "the file"
+    return described([one], path, owner, _fields(model, one["loc"]))
 
 
 def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
@@ -244,26 +240,3 @@ def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
     }
     owners = [nested[key] for key in loc[:-1] if key in nested]
     return list((owners or [model])[-1].model_fields)
-
-
-def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file of a recording, which must lie in the recording's folder.
-
-    Args:
-        folder: folder of the recording.
-        name: path of the file, relative to the folder.
-
-    Raises:
-        UserError: the path leads out of the folder.
-    """
-    path = folder / name
-    try:
-        leaves = not path.resolve().is_relative_to(folder.resolve()) or path.resolve() == folder.resolve()
-    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file can have
-        leaves = True
-    windows = PureWindowsPath(name)  # the path must not lead elsewhere on Windows either
-    if leaves or windows.anchor or ".." in windows.parts:
-        raise UserError(
-            f"file '{name[:99]}' is not inside of the recording's folder: move it there, and give its path from there"
-        )
-    return path

@@ -13,7 +13,7 @@ TOLERANCE = 1e-3
 AnyPose = MatrixPose | QuaternionPose | EulerPose
 
 
-def turn(axes: Axis) -> Float[np.ndarray, "4 4"]:
+def rotation_from(axes: Axis) -> Float[np.ndarray, "4 4"]:
     """From pcsr's sensor frame, which looks along -z, to one of the same origin that looks along `axes`.
 
     The shortest rotation there is; to +z it is half a turn about x, so that an image's right stays right.
@@ -36,7 +36,7 @@ def transformed(pose: Float[np.ndarray, "4 4"], points: Float[np.ndarray, "n 3"]
     return moved
 
 
-def moved_along_z(distance: float) -> Float[np.ndarray, "4 4"]:
+def offset_z(distance: float) -> Float[np.ndarray, "4 4"]:
     """The pose of a frame whose origin lies at z = `distance`."""
     matrix = np.eye(4)
     matrix[2, 3] = distance
@@ -91,7 +91,7 @@ def rigid(pose: AnyPose, name: str = "pose", *, in_world: bool = False) -> Float
     return matrix
 
 
-def seven(row: Float[np.ndarray, "7"], name: str) -> Float[np.ndarray, "4 4"]:
+def pose_from_7_vector(row: Float[np.ndarray, "7"], name: str) -> Float[np.ndarray, "4 4"]:
     """A rigid pose from x, y, z, qx, qy, qz, qw.
 
     Raises:

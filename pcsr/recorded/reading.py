@@ -13,6 +13,7 @@ from jaxtyping import Float
 from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.files import inside
 from pcsr.inputs import read_bytes
 from pcsr.limits import LARGEST_JSON, MOST_FINGERS, MOST_TOUCHED_POINTS, MOST_TOUCHES
 from pcsr.recorded import layouts
@@ -27,10 +28,9 @@ from pcsr.recorded.manifest import (
     RecordingManifest,
     check_entry,
     checked,
-    inside,
 )
 from pcsr.recorded.pickles.unpickle import load_numpy
-from pcsr.recorded.pose import sensor_to_object, transformed, turn
+from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 MANIFEST = "touches.json"
 MOST_REASONS = 20
@@ -222,7 +222,7 @@ def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
         pose = sensor_to_object(entry.pose, recorded.unit, recorded.object_unit, recorded.object_pose)
     sensor = entry.sensor or recorded.sensor
     # The axes "-z" are pcsr's own. Multiplying by the identity could change the sign of a zero.
-    sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ turn(recorded.axes)
+    sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ rotation_from(recorded.axes)
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)

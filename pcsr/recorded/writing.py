@@ -10,8 +10,7 @@ import numpy as np
 from pcsr.clouds.formats import read_points, write_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import RunError, UserError
-from pcsr.files import write_text, write_whole
-from pcsr.recorded.manifest import inside
+from pcsr.files import inside, write_text, write_whole
 from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import check_matrix
 from pcsr.recorded.reading import MANIFEST

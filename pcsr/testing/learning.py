@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from pcsr.testing.check import Skipped
 from pcsr.testing.inputs import FEW, call, given, learns_from
-from pcsr.testing.stops import slopes
+from pcsr.testing.stop_gradient import slopes
 from pcsr.testing.subject import Subject
 
 DRAWS = 4

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from pcsr.contracts import ShapeItem, ShapeSource
+from pcsr.contracts import SPLITS, ShapeItem, ShapeSource
 from pcsr.errors import UserError
 from pcsr.testing.subject import GIVE, Subject, pickled
 
-SPLITS = ("train", "validation", "test")
 TRIED = 3
 """Objects of each split that are loaded."""
 

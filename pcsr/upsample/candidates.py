@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
 
-from pcsr.errors import PcsrWarning, RunError
+from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import PartSpec, Recipe
+from pcsr.tensors import CloudArray
+from pcsr.upsample.checks import check_finite
 
-Cloud = Float[np.ndarray, "_ 3"]
 TOUCH_POINTS = 512
 """Points that a touch is given where the weights don't say how many it had in training."""
 MOST_TOUCH_POINTS = 1 << 16
@@ -33,7 +33,7 @@ class Candidates:
     rate: int
     """Candidates for each of them."""
 
-    def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
         """Candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere."""
         raise NotImplementedError
 
@@ -45,7 +45,7 @@ class Midpoints(Candidates):
     size: int = 512
     rate: int = 16
 
-    def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
         """Midpoints of neighbours; touches mean nothing to it."""
         return midpoint(points, self.rate, passes=2)
 
@@ -69,7 +69,7 @@ class Networked(Candidates):
         )
 
     @torch.inference_mode()
-    def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
         """What the network makes, before the farthest are kept: `densify` chooses itself.
 
         Raises:
@@ -77,27 +77,26 @@ class Networked(Candidates):
         """
         device = next(self.network.parameters()).device
 
-        def tensor(cloud: Cloud) -> torch.Tensor:
+        def tensor(cloud: CloudArray) -> torch.Tensor:
             return torch.from_numpy(cloud.astype(np.float32)).to(device)
 
-        felt = self._felt(touches)
-        heard = torch.stack([tensor(touch) for touch in felt])[None] if felt else None
-        dense = self.network.candidates(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
-        if not np.isfinite(dense).all():
-            raise RunError("the network gave coordinates that are not finite: its weights are damaged, train it again")
-        made: Cloud = dense.astype(np.float64)
-        return made
+        chosen = self._chosen(touches)
+        touched = torch.stack([tensor(touch) for touch in chosen])[None] if chosen else None
+        dense = self.network.candidates(tensor(points)[None], self.rate, touched)[0].float().cpu().numpy()
+        check_finite(dense)
+        candidates: CloudArray = dense.astype(np.float64)
+        return candidates
 
-    def _felt(self, touches: Sequence[Cloud]) -> list[Cloud]:
+    def _chosen(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
         """As many touches of as many points as the network knows: the nearest ones, thinned or repeated."""
         nearest = sorted(touches, key=lambda touch: float(np.linalg.norm(touch.mean(0))))[: self.most_touches]
-        felt = []
+        chosen = []
         for touch in nearest:
             rows = np.lexsort(touch.T)  # whatever order they came in
             rng = np.random.default_rng(len(rows))
             drawn = [rng.permutation(rows) for _ in range(math.ceil(self.touch_points / len(rows)))]
-            felt.append(touch[np.concatenate(drawn)[: self.touch_points]])
-        return felt
+            chosen.append(touch[np.concatenate(drawn)[: self.touch_points]])
+        return chosen
 
 
 def _touch_points(source: PartSpec) -> int:
@@ -115,7 +114,7 @@ class Stored(Candidates):
     size: int
     rate: int
 
-    def __call__(self, points: Cloud, touches: Sequence[Cloud]) -> Cloud:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
         """As `Networked`; the file is read once in each process."""
         return _loaded(self.path, self.plugins)(points, touches)
 

@@ -12,10 +12,13 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.geometry.patches import OwnFrame, patches
+from pcsr.geometry.checks import check_cloud
+from pcsr.geometry.frames import OwnFrame
+from pcsr.geometry.patches import patches
+from pcsr.tensors import CloudArray
 from pcsr.threads import threads
-from pcsr.upsample.candidates import Candidates, Cloud
-from pcsr.upsample.gaps import between, near, spread_out
+from pcsr.upsample.candidates import Candidates
+from pcsr.upsample.gaps import between, spread_out, within_reach
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
 
@@ -30,9 +33,9 @@ ALONE = WorkerPool(None, 1)
 class Task:
     """One patch, and how many new points its core is to get."""
 
-    points: Cloud
+    points: CloudArray
     core: int
-    touches: list[Cloud]
+    touches: list[CloudArray]
     count: int
 
 
@@ -42,7 +45,7 @@ def densify(
     count: int,
     source: Candidates,
     *,
-    touches: Sequence[Cloud] = (),
+    touches: Sequence[CloudArray] = (),
     keep: bool = True,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
@@ -76,19 +79,18 @@ def densify(
     n = len(cloud)
     if n < FEWEST:
         raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed to know a surface by")
-    if (cloud == cloud[0]).all():
-        raise UserError(f"all {n} points of the cloud lie on one spot, {cloud[0].tolist()}")
+    check_cloud(cloud, extent=True)
     new = count - n if keep else count
     if new < 0:
         raise UserError(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
-    made: list[Cloud] = []
-    felt = unseen(cloud, touches)
-    if len(felt):
-        _say(cloud, felt, new)
-        made = [felt[:new]]
-        cloud, n, new = np.concatenate([cloud, felt]), n + len(felt), new - len(made[0])
+    made: list[CloudArray] = []
+    touched = unseen(cloud, touches)
+    if len(touched):
+        _warn_of_unseen(cloud, touched, new)
+        made = [touched[:new]]
+        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(made[0])
     while new > source.rate * n:  # in as many passes as it takes
         # Equal steps, each as large as the source can go.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
@@ -101,16 +103,16 @@ def densify(
     return np.concatenate(made) if len(made) > 1 else made[0]
 
 
-def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
+def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
     """What is taken for unseen may be seen, and the arm be wrong: nothing but the distance tells."""
     tree = cKDTree(cloud)
-    distance, nearest = tree.query(felt)
+    distance, nearest = tree.query(touched)
     spacing = tree.query(cloud[nearest], k=FEWEST)[0].mean(1)
-    if new >= len(felt) and (distance <= GAP * spacing).all():
+    if new >= len(touched) and (distance <= GAP * spacing).all():
         return
-    more = f"; only {new} of them fit into the count, so ask for more points" if new < len(felt) else ""
+    more = f"; only {new} of them fit into the count, so ask for more points" if new < len(touched) else ""
     warnings.warn(
-        f"{len(felt)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
+        f"{len(touched)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
         f"surface that it does not show: if it does show it there, these touches are misplaced{more}",
         PcsrWarning,
         stacklevel=5,
@@ -118,14 +120,14 @@ def _say(cloud: Cloud, felt: Cloud, new: int) -> None:
 
 
 def _one_pass(
-    cloud: Cloud,
+    cloud: CloudArray,
     new: int,
     source: Candidates,
-    touches: Sequence[Cloud],
+    touches: Sequence[CloudArray],
     keep: bool,
     pool: WorkerPool,
     advance: Callable[[int, int], None],
-) -> Cloud:
+) -> CloudArray:
     done = at = 0
     made = np.zeros((new, 3))
     work = functools.partial(_fill, source, keep)
@@ -138,7 +140,9 @@ def _one_pass(
     return made
 
 
-def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud], cores: deque[int]) -> Iterator[Task]:
+def _tasks(
+    cloud: CloudArray, new: int, source: Candidates, touches: Sequence[CloudArray], cores: deque[int]
+) -> Iterator[Task]:
     before = 0
     for patch in patches(cloud, source.size, source.size // 2):
         points = cloud[patch.rows]
@@ -149,7 +153,7 @@ def _tasks(cloud: Cloud, new: int, source: Candidates, touches: Sequence[Cloud],
         yield Task(points, patch.core, met, share)
 
 
-def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
+def _met(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
     """What the patch has of each touch that reaches into it."""
     centre = points.mean(0)
     radius = np.linalg.norm(points - centre, axis=1).max()
@@ -158,22 +162,22 @@ def _met(points: Cloud, touches: Sequence[Cloud]) -> list[Cloud]:
 
 
 @threads(1)  # a Dask worker has its own; where `densify` has set it already this costs nothing
-def _fill(source: Candidates, keep: bool, task: Task) -> Cloud:
+def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
     """The new points of one patch's core, found in the patch's own frame."""
     if task.count == 0:
         return np.zeros((0, 3))
     frame = OwnFrame.of(task.points)
-    points = frame.into(task.points)
+    points = frame.normalize(task.points)
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points = points[order]
-    candidates = source(points, [frame.into(touch) for touch in task.touches])
-    close, distance, nearest = near(candidates, points)
+    candidates = source(points, [frame.normalize(touch) for touch in task.touches])
+    close, distance, nearest = within_reach(candidates, points)
     candidates, distance, mine = candidates[close], distance[close], nearest[close] < task.core
     chosen = candidates[spread_out(candidates, distance if keep else None, mine, task.count)]
     missing = between(points, task.core, task.count - len(chosen))
-    return frame.back(np.concatenate([chosen, missing]))
+    return frame.denormalize(np.concatenate([chosen, missing]))
 
 
-def _sorted(points: Cloud) -> Int[np.ndarray, " n"]:
+def _sorted(points: CloudArray) -> Int[np.ndarray, " n"]:
     """An order that does not hang on the one that the points came in."""
     return np.lexsort(points.T)

@@ -29,7 +29,7 @@ def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     return limited
 
 
-def near(
+def within_reach(
     candidates: Float[np.ndarray, "c 3"], points: Float[np.ndarray, "n 3"]
 ) -> tuple[Bool[np.ndarray, " c"], Float[np.ndarray, " c"], Int[np.ndarray, " c"]]:
     """Which candidates are new and bridge no gap wider than the cloud's spacing.
@@ -99,7 +99,7 @@ def spread_out(
 
 
 def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np.ndarray, "count 3"]:
-    """`count` points on the ways from the first `core` points to their neighbours: for where candidates run out.
+    """`count` points on the edges from the first `core` points to their neighbours: for where candidates run out.
 
     Never farther from a point than its spacing, nor half the way to its neighbour.
     """
@@ -119,7 +119,7 @@ def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np
 
 
 def _spread_fraction(turn: int) -> float:
-    """Below a half, so that two neighbours on their ways to each other don't meet; far from those before."""
+    """Below a half, so that two neighbours on their edges to each other don't meet; far from those before."""
     value, step, number = 0.0, 0.5, turn + 1
     while number:
         value, step, number = value + step * (number % 2), step / 2, number // 2

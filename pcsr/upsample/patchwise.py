@@ -12,22 +12,21 @@ import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.patches import in_patch
 from pcsr.network.network import Network
 from pcsr.recipe import Patches
+from pcsr.tensors import CloudArray
+from pcsr.upsample.checks import check_finite
 
 AT_ONCE = 8
 """Patches that the network sees together."""
 
-Cloud = Float[np.ndarray, "_ 3"]
-
 
 @torch.inference_mode()
 def upsample_patches(
-    network: Network, points: Cloud, rate: int, touches: Sequence[Cloud], patches: Patches
+    network: Network, points: CloudArray, rate: int, touches: Sequence[CloudArray], patches: Patches
 ) -> Float[np.ndarray, "rn 3"]:
     """Upsample one cloud by patches.
 
@@ -46,15 +45,15 @@ def upsample_patches(
         RunError: the network gave something that is not finite.
     """
     sphere = UnitSphere.fit(points)
-    cloud = sphere.apply(points)
-    felt = np.stack([sphere.apply(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
+    cloud = sphere.normalize(points)
+    touched = np.stack([sphere.normalize(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
     goal = rate * len(points)
     while len(cloud) < goal:
-        cloud = _pass(network, cloud, felt, patches)
-    return sphere.undo(cloud)
+        cloud = _pass(network, cloud, touched, patches)
+    return sphere.denormalize(cloud)
 
 
-def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patches: Patches) -> Cloud:
+def _pass(network: Network, cloud: CloudArray, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
     """Every patch through the network once."""
     device = next(network.parameters()).device
     goal = patches.rate * len(cloud)
@@ -67,15 +66,15 @@ def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patc
     made = []
     for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
         spheres = [UnitSphere.fit(start[patch]) for patch in some]
-        inside = torch.from_numpy(np.stack([s.apply(start[p]) for s, p in zip(spheres, some, strict=True)]))
+        inside = torch.from_numpy(np.stack([s.normalize(start[p]) for s, p in zip(spheres, some, strict=True)]))
         touches, mask = None, None
-        if len(felt):
-            touches = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
+        if len(touched):
+            in_spheres = np.stack([[sphere.normalize(touch) for touch in touched] for sphere in spheres])
+            touches = torch.from_numpy(in_spheres).to(device)
             mask = in_patch(touches)
         dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
-        made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
+        made += [sphere.denormalize(one) for sphere, one in zip(spheres, dense, strict=True)]
     merged = np.concatenate(made)
-    if not np.isfinite(merged).all():
-        raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
-    thinned: Cloud = merged[farthest_points(merged, goal)].astype(np.float32)
+    check_finite(merged)
+    thinned: CloudArray = merged[farthest_points(merged, goal)].astype(np.float32)
     return thinned

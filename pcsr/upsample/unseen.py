@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.geometry.anchoring import spread_prefix
 from pcsr.geometry.farthest import farthest_points
+from pcsr.tensors import CloudArray
 from pcsr.upsample.gaps import REACH, spacing
 
 EVEN = 0.85
@@ -15,10 +16,8 @@ EVEN = 0.85
 FIRST = 64
 """So many points are tried first; four times as many, if all of them are far enough from each other, and so on."""
 
-Cloud = Float[np.ndarray, "_ 3"]
 
-
-def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
+def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[CloudArray]) -> CloudArray:
     """Touched points that are new to the cloud, as dense as its own are in the median.
 
     New is what lies farther from every point than new points may (`gaps.REACH`). A finger feels hundreds of points
@@ -34,18 +33,18 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[Cloud]) -> Cloud:
     """
     if not touches:
         return np.zeros((0, 3))
-    felt = np.unique(np.concatenate(touches), axis=0)
+    touched = np.unique(np.concatenate(touches), axis=0)
     seen = np.unique(points, axis=0)  # beside a copy of itself no point has a spacing
     own = spacing(seen)
-    distance, nearest = cKDTree(seen).query(felt)
-    felt = felt[distance > REACH * own[nearest]]
-    if len(felt) == 0:
+    distance, nearest = cKDTree(seen).query(touched)
+    touched = touched[distance > REACH * own[nearest]]
+    if len(touched) == 0:
         return np.zeros((0, 3))
     apart, count = EVEN * float(np.median(own)), FIRST  # the nearest are at a border, and sparser than the rest
     while True:  # a recording may hold a million points, of which a few hundred are kept
-        ordered: Cloud = felt[farthest_points(felt, min(count, len(felt)))]
+        ordered: CloudArray = touched[farthest_points(touched, min(count, len(touched)))]
         kept = spread_prefix(ordered, apart)
-        if kept < len(ordered) or kept == len(felt):
+        if kept < len(ordered) or kept == len(touched):
             break
         count *= 4
     return ordered[:kept]

@@ -6,9 +6,10 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from pcsr.errors import RunError, UserError
+from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
+from pcsr.upsample.checks import check_finite
 
 
 @torch.inference_mode()
@@ -37,9 +38,9 @@ def upsample(
         raise UserError(f"touches: expected one size, got {[len(touch) for touch in touches]} points")
     sphere = UnitSphere.fit(points)
     device = next(network.parameters()).device
-    cloud = torch.from_numpy(sphere.apply(points))[None].to(device)
-    felt = torch.from_numpy(np.stack([sphere.apply(t) for t in touches]))[None].to(device) if len(touches) else None
-    dense = sphere.undo(network(cloud, rate, felt)[0].float().cpu().numpy())
-    if not np.isfinite(dense).all():
-        raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
+    cloud = torch.from_numpy(sphere.normalize(points))[None].to(device)
+    inside = [torch.from_numpy(sphere.normalize(touch)) for touch in touches]
+    touched = torch.stack(inside)[None].to(device) if inside else None
+    dense = sphere.denormalize(network(cloud, rate, touched)[0].float().cpu().numpy())
+    check_finite(dense)
     return dense

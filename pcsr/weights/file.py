@@ -1,4 +1,7 @@
-"""Reading a weights file: tensors, and the card that says what they are. Nothing is unpickled."""
+"""The reader of safetensors files: their tensors, and the card in the header that describes them.
+
+Nothing is unpickled.
+"""
 
 import json
 from collections.abc import Iterator
@@ -12,11 +15,42 @@ from torch import Tensor
 from pcsr.errors import UserError
 
 HEADER = 16_000_000
-"""Most bytes of a safetensors header: a hundred thousand weights have about ten million."""
+"""The longest header of a weights file in bytes: a hundred thousand weights take about ten million."""
 CARD = 4_000_000
-"""Most characters of a card."""
+"""The longest card in characters."""
 DEPTH = 50
-"""Mappings and lists inside of each other in a card."""
+"""The deepest nesting of mappings and lists in a card."""
+NONSENSE = (SafetensorError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
+"""Errors that safetensors, json and torch raise at a nonsensical header, besides `OSError`."""
+
+
+@contextmanager
+def open_tensors(path: Path, longest: int = HEADER) -> Iterator[Any]:
+    """Open a safetensors file, as `safetensors.safe_open` does, if its header is no longer than `longest` bytes.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: its header is too long.
+        SafetensorError: it is no safetensors file.
+    """
+    with path.open("rb") as raw:
+        size = int.from_bytes(raw.read(8), "little")
+    if longest < size < path.stat().st_size:  # one that is longer than the file is no header at all
+        raise ValueError(f"its header has {size} bytes, and {longest} are the most")
+    with safe_open(path, "pt") as file:
+        yield file
+
+
+def card_text(file: Any) -> str:
+    """The card in the header of an open safetensors file, as it is written.
+
+    Raises:
+        ValueError: there is none.
+    """
+    text = (file.metadata() or {}).get("pcsr")
+    if text is None:
+        raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
+    return str(text)
 
 
 def read_file(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -29,9 +63,18 @@ def read_file(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], d
     Raises:
         UserError: it is no weights file of pcsr.
     """
-    with _opened(path) as file:
-        card = _card((file.metadata() or {}).get("pcsr"))
+    with _explained(path), open_tensors(path) as file:
+        card = parse_card(card_text(file))
         return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """The card of a weights file, without reading the weights.
+
+    Raises:
+        UserError: it is no weights file of pcsr.
+    """
+    return read_file(path, tensors=False)[1]
 
 
 def read_shapes(path: Path) -> dict[str, tuple[int, ...]]:
@@ -40,13 +83,13 @@ def read_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     Raises:
         UserError: it is no safetensors file.
     """
-    with _opened(path) as file:
+    with _explained(path), open_tensors(path) as file:
         return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """A safetensors file whose header is of a reasonable size.
+def _explained(path: Path) -> Iterator[None]:
+    """Explain why a file cannot be read as a weights file.
 
     Raises:
         UserError: it is none, or what is done with it fails.
@@ -56,30 +99,23 @@ def _opened(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise UserError(f"{path}: there is no such weights file")
     try:
-        with path.open("rb") as raw:
-            size = int.from_bytes(raw.read(8), "little")
-        if HEADER < size < path.stat().st_size:  # one that is longer than the file is no header at all
-            raise ValueError(f"its header has {size} bytes, and {HEADER} are the most")
-        with safe_open(path, "pt") as file:
-            yield file
+        yield
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
-    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
-    except (SafetensorError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        said = " ".join(str(error).split())[:200] or type(error).__name__
+    except NONSENSE as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise UserError(
-            f"{path} is not a weights file of pcsr ({said}): get it again, or delete it, and `pcsr run` trains it again"
+            f"{path} is not a weights file of pcsr ({reason}): get it again, or delete it, and `pcsr run` trains it "
+            f"again"
         ) from error
 
 
-def _card(written: str | None) -> dict[str, Any]:
-    """The card that a header holds.
+def parse_card(written: str) -> dict[str, Any]:
+    """The card that a text holds.
 
     Raises:
-        ValueError: there is none, or it is no plain data of reasonable size.
+        ValueError: it is no plain data of reasonable size.
     """
-    if written is None:
-        raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
     if len(written) > CARD:
         raise ValueError(f"its card has {len(written)} characters, and {CARD} are the most")
     try:
@@ -99,6 +135,6 @@ def _refuse(constant: str) -> None:
 
 
 def _deeper(node: Any, depth: int) -> bool:
-    """Whether plain data are nested deeper than that."""
+    """Whether plain data are nested deeper than `depth`."""
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
     return depth < 0 or any(_deeper(one, depth - 1) for one in inner)

@@ -13,8 +13,8 @@ import pcsr
 from pcsr import UserError
 from pcsr.geometry.sampling import surface_points
 from pcsr.metrics import point_to_surface
-from pcsr.network.load import save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
@@ -220,7 +220,7 @@ def test_without_touches_every_shape_counts_and_without_models_the_shipped_ones(
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["tapsr-"], "there is no model 'tapsr-'"),
+        (["tapsr-"], "there are no weights 'tapsr-'"),
         (["midpoint"], "model 'midpoint' has no network"),
         (["--size", "0"], "0.0 is not in the range x>0"),
         (["--touches", "17"], "17 is not in the range 0<=x<=16"),

@@ -10,7 +10,7 @@ from safetensors.torch import load_file
 from pcsr.cli import pcsr
 from pcsr.errors import UserError
 from pcsr.files import sha256
-from pcsr.network.load import read_card
+from pcsr.weights.file import read_card
 
 ROOT = Path(__file__).parents[2]
 SMALL = [

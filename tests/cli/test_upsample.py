@@ -9,11 +9,10 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from pcsr import Touch
+from pcsr import Touch, load
 from pcsr.cli import pcsr
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import read_cloud, read_points, write_cloud, write_points
-from pcsr.model import load
 from pcsr.recorded import write
 
 
@@ -53,6 +52,14 @@ def test_as_many_points_come_out_as_were_asked_for(scan, tmp_path, arguments, co
     dense, given = read_cloud(tmp_path / "out.ply"), read_cloud(scan)
     assert len(dense) == count
     np.testing.assert_array_equal(dense.points[:80], given.points)
+
+
+def test_the_command_writes_what_python_gives(scan, tmp_path):
+    assert run("upsample", scan, "-o", tmp_path / "out.ply").exit_code == 0
+    dense = load().upsample(read_cloud(scan))
+    assert isinstance(dense, Cloud)
+    write_cloud(tmp_path / "python.ply", dense)
+    assert (tmp_path / "python.ply").read_bytes() == (tmp_path / "out.ply").read_bytes()
 
 
 def test_colours_normals_and_labels_survive_and_so_do_millimetres(scan, tmp_path):

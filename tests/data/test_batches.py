@@ -47,7 +47,7 @@ def test_the_shares_of_all_ranks_are_the_batch_of_one(size, ranks):
 def test_an_epoch_shows_each_object_at_most_once_and_epochs_differ_in_order():
     made = batches(size=3)
     assert made.per_epoch == 2
-    frames = [UnitSphere.fit(points.numpy()).apply(points.numpy()) for points in made.split.points]
+    frames = [UnitSphere.fit(points.numpy()).normalize(points.numpy()) for points in made.split.points]
     seen = []
     for step in range(8):
         for row in made.at(step).points:
@@ -70,7 +70,7 @@ def test_touches_of_a_row_are_different_touches_of_its_object():
     sphere = UnitSphere.fit(made.split.points[0].numpy())
     felt = made.at(0).touches[0]
     assert {touch.numpy().tobytes() for touch in felt} == {
-        sphere.apply(touch.numpy()).tobytes() for touch in made.split.touches[0]
+        sphere.normalize(touch.numpy()).tobytes() for touch in made.split.touches[0]
     }
 
 

@@ -87,8 +87,8 @@ def test_all_clouds_are_in_the_frame_in_which_the_truth_fills_the_unit_sphere(re
     one = made(recipe)
     np.testing.assert_allclose(one.truth.mean(0), 0, atol=1e-6)
     assert np.linalg.norm(one.truth, axis=1).max() == pytest.approx(1, abs=1e-6)
-    np.testing.assert_allclose(one.sphere.undo(one.touches[0]), sorted_vertices()[:30], atol=1e-5)
-    assert np.linalg.norm(one.sphere.undo(one.points) - [10, 0, 0], axis=1).max() < 2.001
+    np.testing.assert_allclose(one.sphere.denormalize(one.touches[0]), sorted_vertices()[:30], atol=1e-5)
+    assert np.linalg.norm(one.sphere.denormalize(one.points) - [10, 0, 0], axis=1).max() < 2.001
 
 
 def sorted_vertices():
@@ -100,7 +100,7 @@ def test_the_source_is_told_what_the_camera_sees(recipe):
     one = made(recipe, source=source)
     name, cloud, count, _ = source.asked[0]
     assert (name, count) == ("shelf/ball", 2)
-    np.testing.assert_allclose(one.sphere.apply(cloud), one.points)
+    np.testing.assert_allclose(one.sphere.normalize(cloud), one.points)
 
 
 def test_no_touches_ask_nobody(recipe):

@@ -14,9 +14,9 @@ from pcsr.errors import RunError, UserError
 from pcsr.experiments import train
 from pcsr.experiments import trained_network as trained
 from pcsr.experiments.finished_runs import of_other_code
-from pcsr.network.load import read_card
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
+from pcsr.weights.file import read_card
 
 SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
 SMALL = [
@@ -141,7 +141,7 @@ def test_an_edit_of_the_layers_leaves_nobody_stuck(call):
     Path("mine.py").write_text(PLUGIN.replace("self.layer =", "self.more = nn.Linear(2, 2)\n        self.layer ="))
     said = call("--keep-weights", code=UserError.exit_code)
     assert "--keep-weights: the code of fusion 'mine' (mine.py) has changed since" in said
-    assert "fusion.more.weight is missing" in said
+    assert "the file has no fusion.more.weight" in said
     assert "leave --keep-weights out, and it is trained again" in said
     assert folders() == {old}
     assert "training again" in call()

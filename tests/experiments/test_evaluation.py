@@ -16,7 +16,7 @@ from pcsr.errors import UserError
 from pcsr.experiments.evaluation import Method, evaluate, floor, methods
 from pcsr.experiments.run import results_of
 from pcsr.metrics import METRICS, Metric
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.threads import WORK_PER_THREAD

@@ -11,11 +11,12 @@ from safetensors.torch import load_file
 
 from pcsr.data.dataset import Split
 from pcsr.experiments.run import packages
-from pcsr.experiments.run_options import Place, run_folder
+from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.geometry.frames import UnitSphere
-from pcsr.network.load import load_weights, save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.load import load_weights
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.recipe.schema import Weights
@@ -148,7 +149,7 @@ def finished(recipe, registry, tmp_path):
             "data_fingerprint": data,
             "training": {"seconds": 7.0},
         }
-        path = run_folder(of, Place(runs=tmp_path / runs)) / "weights.safetensors"
+        path = run_folder(of, RunOptions(runs=tmp_path / runs)) / "weights.safetensors"
         path.parent.mkdir(parents=True)
         save_weights(path, network, card)
         return network
@@ -158,7 +159,7 @@ def finished(recipe, registry, tmp_path):
             raise UntrainedError
 
         with Progress(disable=True) as progress:
-            return trained(of, registry, data, untrained, fabric(), Place(runs=tmp_path / "runs"), progress)
+            return trained(of, registry, data, untrained, fabric(), RunOptions(runs=tmp_path / "runs"), progress)
 
     return leave, ask
 
@@ -228,5 +229,5 @@ def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, b
     one = load(ROOT / "recipes/smoke.yaml", registry, [*TINY, *plain])[0]
     if plain != settings:
         one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
-    place = Place(data=(Path("data"),) if built else ())
-    assert packages(one, registry, place).keys() == needed | {"lightning_fabric", "plotly"}
+    options = RunOptions(data=(Path("data"),) if built else ())
+    assert packages(one, registry, options).keys() == needed | {"lightning_fabric", "plotly"}

@@ -15,13 +15,13 @@ def test_the_frame_is_centred_and_its_farthest_point_is_on_the_unit_sphere():
     sphere = UnitSphere.fit(CLOUD + OFFSET)
     assert sphere.centre == pytest.approx(OFFSET)
     assert sphere.radius == pytest.approx(3)
-    assert np.allclose(sphere.apply(CLOUD + OFFSET), CLOUD / 3)
+    assert np.allclose(sphere.normalize(CLOUD + OFFSET), CLOUD / 3)
 
 
 def test_inside_is_float32_and_back_is_float64():
     sphere = UnitSphere.fit(CLOUD.astype(np.float32))
-    assert sphere.apply(CLOUD).dtype == np.float32
-    assert sphere.undo(sphere.apply(CLOUD)).dtype == np.float64
+    assert sphere.normalize(CLOUD).dtype == np.float32
+    assert sphere.denormalize(sphere.normalize(CLOUD)).dtype == np.float64
 
 
 @given(
@@ -33,11 +33,11 @@ def test_undo_undoes_apply(points, offset, scale):
     points[0], points[1] = -1, 1
     cloud = points * scale + offset
     sphere = UnitSphere.fit(cloud)
-    assert np.abs(sphere.undo(sphere.apply(cloud)) - cloud).max() < 1e-6 * scale + 1e-9
+    assert np.abs(sphere.denormalize(sphere.normalize(cloud)) - cloud).max() < 1e-6 * scale + 1e-9
 
 
 def test_millimetres_survive_coordinates_of_millions():
-    inside = UnitSphere.fit(CLOUD * 1e-3 + 4e6).apply(CLOUD * 1e-3 + 4e6)
+    inside = UnitSphere.fit(CLOUD * 1e-3 + 4e6).normalize(CLOUD * 1e-3 + 4e6)
     assert np.abs(inside - CLOUD / 3).max() < 1e-6
 
 
@@ -46,7 +46,7 @@ def test_millimetres_survive_coordinates_of_millions():
     [
         (np.zeros((0, 3)), "no points"),
         (np.full((5, 3), 0.1), "all 5 points of the cloud lie on one spot"),
-        (np.array([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 1]]), "2 of the cloud's 3 points"),
+        (np.array([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 1]]), "2 of 3 points"),
     ],
 )
 def test_a_cloud_without_a_frame_is_refused(points, message):

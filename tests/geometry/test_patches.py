@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr.geometry.patches import cells, in_patch, patches, principal_axes
+from pcsr.geometry.frames import principal_axes
+from pcsr.geometry.patches import cells, in_patch, patches
 
 
 def cloud(count, seed=0):

@@ -3,13 +3,13 @@ import json
 
 import pytest
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 from torch import nn
 
 from pcsr.contracts import Widths
 from pcsr.errors import UserError
 from pcsr.grafting import graft, load_graft, save_graft
-from pcsr.network.load import read_card
+from pcsr.weights.file import read_card
 from tests.grafting.networks import PLUGINS, Bias, Meeting, same
 
 
@@ -21,7 +21,7 @@ def test_a_saved_graft_comes_back_on_a_fresh_network(case, world, tmp_path):
     loaded = load_graft(tmp_path / "graft.safetensors", case.make(seed=1), PLUGINS)
     for touch in ({}, {"touches": touches}):
         assert torch.equal(case.call(loaded, points, **touch), case.call(grafted, points, **touch))
-    assert (loaded.joint, loaded.specs, loaded.training) == (grafted.joint, grafted.specs, False)
+    assert (loaded.injection_point, loaded.specs, loaded.training) == (grafted.injection_point, grafted.specs, False)
     assert read_card(tmp_path / "graft.safetensors")["about"] == {"epoch": 3}
     assert [path.name for path in tmp_path.iterdir()] == ["graft.safetensors"]
 
@@ -73,8 +73,14 @@ def test_files_of_others_are_refused(tmp_path):
     path = tmp_path / "graft"
     with pytest.raises(UserError, match="there is no such file"):
         load_graft(path, Meeting(None), PLUGINS)
-    joint = {"at": "layer", "layout": "bnc", "width": 8}
-    cards = [{"recipe": {}}, [], {"graft": []}, {"graft": {"joint": joint}}, {"graft": {"joint": joint | {"depth": 1}}}]
+    injection_point = {"at": "layer", "layout": "bnc", "width": 8}
+    cards = [
+        {"recipe": {}},
+        [],
+        {"graft": []},
+        {"graft": {"injection_point": injection_point}},
+        {"graft": {"injection_point": injection_point | {"depth": 1}}},
+    ]
     for metadata in (None, {"pcsr": "{"}, *({"pcsr": json.dumps(card)} for card in cards)):
         save_file({"weight": torch.zeros(2)}, path, metadata)
         with pytest.raises(UserError, match="is not a file of save_graft"):
@@ -90,11 +96,17 @@ def test_files_of_others_are_refused(tmp_path):
         [],
         7,
         {"graft": 7},
-        {"graft": {"joint": [], "fusion": 1, "touch_encoder": 1}},
-        {"graft": {"joint": {"at": 5, "layout": "bnc", "width": 8}, "fusion": {}, "touch_encoder": {}}},
-        {"graft": {"joint": {"at": "0", "layout": [], "width": 8}, "fusion": {}, "touch_encoder": {}}},
-        {"graft": {"joint": {"at": "0", "layout": "bnc", "width": 10**12}, "fusion": {}, "touch_encoder": {}}},
-        {"graft": {"joint": {"at": "0", "layout": "bnc", "width": 8, "k" * 5000: 1}}},
+        {"graft": {"injection_point": [], "fusion": 1, "touch_encoder": 1}},
+        {"graft": {"injection_point": {"at": 5, "layout": "bnc", "width": 8}, "fusion": {}, "touch_encoder": {}}},
+        {"graft": {"injection_point": {"at": "0", "layout": [], "width": 8}, "fusion": {}, "touch_encoder": {}}},
+        {
+            "graft": {
+                "injection_point": {"at": "0", "layout": "bnc", "width": 10**12},
+                "fusion": {},
+                "touch_encoder": {},
+            }
+        },
+        {"graft": {"injection_point": {"at": "0", "layout": "bnc", "width": 8, "k" * 5000: 1}}},
     ],
 )
 def test_headers_that_describe_no_graft_are_refused(tmp_path, card):
@@ -103,3 +115,17 @@ def test_headers_that_describe_no_graft_are_refused(tmp_path, card):
     with pytest.raises(UserError, match="is not a file of save_graft") as caught:
         load_graft(path, nn.Sequential(nn.Linear(3, 8)), PLUGINS)
     assert len(str(caught.value)) < 500
+
+
+@torch.no_grad()
+def test_files_of_0_1_are_read(tmp_path, world):
+    points, touches = world
+    path = tmp_path / "graft.safetensors"
+    grafted = graft(Meeting(None), "layer", registry=PLUGINS).eval()
+    save_graft(path, grafted)
+    card = read_card(path)
+    card["graft"]["joint"] = card["graft"].pop("injection_point")
+    save_file(load_file(path), path, {"pcsr": json.dumps(card)})
+    loaded = load_graft(path, Meeting(None), PLUGINS)
+    assert loaded.injection_point == grafted.injection_point
+    assert torch.equal(loaded(points, touches=touches), grafted(points, touches=touches))

@@ -12,8 +12,8 @@ from tests.grafting.networks import PLUGINS, Bias, Layers, Meeting, N, PUNetLike
 
 
 def test_the_probe_finds_layout_and_width(case):
-    joint = case.graft().joint
-    assert (joint.at, joint.layout, joint.width) == (case.at, case.layout, case.width)
+    injection_point = case.graft().injection_point
+    assert (injection_point.at, injection_point.layout, injection_point.width) == (case.at, case.layout, case.width)
 
 
 def test_the_probe_leaves_the_network_and_the_random_state_alone(case):
@@ -64,8 +64,8 @@ def test_a_network_that_draws_at_random_is_probed_without_a_trace():
         ("pooled", r"gives \(2, 8\) for 256 points and \(2, 8\) for 512: not one feature for each point"),
         ("flat", r"gives \(512, 8\) for 256 points and \(1024, 8\) for 512: not one feature for each point"),
         ("edges", r"gives \(2, 8, 256, 4\) .*: not one feature for each point"),
-        ("square", r"gives \(2, 256, 256\) .*: its width cannot be told"),
-        ("growing", r"gives \(2, 256, 2048\) .*: its width cannot be told"),
+        ("square", r"gives \(2, 256, 256\) .*: its width is ambiguous"),
+        ("growing", r"gives \(2, 256, 2048\) .*: its width is ambiguous"),
     ],
 )
 def test_a_layer_that_does_not_give_a_feature_for_each_point_is_refused(at, message):
@@ -92,7 +92,7 @@ def test_of_a_layer_that_gives_no_tensor_the_ones_inside_are_offered():
     network = nn.Sequential(nn.Linear(3, 8), Pair(), First(), nn.Linear(8, 3))
     with pytest.raises(UserError, match=r"layer '1' gives a tuple, not a tensor: graft at a layer .* '1\.one'"):
         graft(network, "1", registry=PLUGINS)
-    assert graft(network, "1.one", registry=PLUGINS).joint.width == 8
+    assert graft(network, "1.one", registry=PLUGINS).injection_point.width == 8
 
 
 def test_a_stated_layout_needs_one_number_of_points_only(world):

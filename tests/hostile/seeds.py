@@ -103,7 +103,7 @@ def meshes() -> Iterator[Seed]:
     import trimesh
 
     from pcsr.clouds.formats import read_cloud
-    from pcsr.clouds.formats.mesh import read_mesh
+    from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics.one_cloud import evaluate
 
     def read(folder: Path) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from pcsr.network.load import save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
@@ -131,7 +131,7 @@ def test_a_hundred_thousand_empty_weights_are_no_network(upsample, honest):
     card = json.dumps({"recipe": honest[1]})
     empty = {f"{n}": {"dtype": "F32", "shape": [0], "data_offsets": [0, 0]} for n in range(100_000)}
     write(upsample.file, json.dumps({"__metadata__": {"pcsr": card}, **empty}).encode())
-    upsample().refused("do not fit", "is missing")
+    upsample().refused("do not fit", "the file has no")
 
 
 def test_weights_that_are_not_finite_are_refused(upsample, honest):

@@ -9,7 +9,7 @@ from torch import nn
 
 from pcsr.contracts import Encoder, Widths
 from pcsr.errors import UserError
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.network.outline import COMPUTED, LAYERS, LAYERS_PER_WEIGHT, bounded, outline
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Entry

@@ -7,7 +7,7 @@ import pytest
 from pcsr.recipe import RecipeError
 from pcsr.recipe.compose import compose
 from pcsr.recipe.schema import DEFAULTS
-from pcsr.recipe.source import Place
+from pcsr.recipe.source import Location
 
 
 def test_extends_is_relative_to_its_file_and_goes_on(write):
@@ -15,7 +15,9 @@ def test_extends_is_relative_to_its_file_and_goes_on(write):
     write("extends: root.yaml\nname: middle\ntrain: {epochs: 5}", "shared/middle.yaml")
     (made,) = compose(write("extends: shared/middle.yaml\nname: leaf"))
     assert made.data == {"name": "leaf", "seed": 1, "train": {"epochs": 5, "batch": 2}}
-    found = {keys: made.place(keys).origin.rpartition("/")[2] for keys in [("name",), ("seed",), ("train", "epochs")]}
+    found = {
+        keys: made.location(keys).origin.rpartition("/")[2] for keys in [("name",), ("seed",), ("train", "epochs")]
+    }
     assert found == {("name",): "recipe.yaml", ("seed",): "root.yaml", ("train", "epochs"): "middle.yaml"}
 
 
@@ -48,9 +50,9 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
         "seed": 3,
         "model": {"encoder": {"use": "net", "channels": 4}, "fusion": {"use": "attention", "heads": 2}},
     }
-    assert made.place(("model", "encoder", "use")) == Place(str(path), 2, 18)
-    assert made.place(("model",)) == Place(str(path), 2, 8)
-    assert made.place(("model", "encoder", "channels")) == Place("--set model.encoder.channels=4")
+    assert made.location(("model", "encoder", "use")) == Location(str(path), 2, 18)
+    assert made.location(("model",)) == Location(str(path), 2, 8)
+    assert made.location(("model", "encoder", "channels")) == Location("--set model.encoder.channels=4")
 
 
 @pytest.mark.parametrize(
@@ -66,7 +68,7 @@ def test_set_reaches_into_a_part_by_its_bare_name(write):
 def test_a_set_that_cannot_be_read_is_kept_as_a_mistake(write, override, said):
     (made,) = compose(write("name: a"), [override, "seed=2"])
     (mistake,) = made.mistakes
-    assert mistake.place == Place(f"--set {override}")
+    assert mistake.location == Location(f"--set {override}")
     assert said in mistake.text
     assert made.data == {"name": "a", "seed": 2}
 

@@ -12,16 +12,16 @@ from pcsr.recipe.compose import compose
 from pcsr.recipe.matrix import expand
 from pcsr.recipe.merge import normalize
 from pcsr.recipe.schema import NAME
-from pcsr.recipe.source import Place, Source, parse
+from pcsr.recipe.source import Location, Source, parse
 
 
 def source(tree, origin="file"):
     """A source that knows where each value stands: in a file of this name, whatever the line."""
-    made = Source(copy.deepcopy(tree), {(): Place(origin)})
+    made = Source(copy.deepcopy(tree), {(): Location(origin)})
 
     def note(keys, node):
         for key, value in node.items() if isinstance(node, dict) else ():
-            made.values[(*keys, key)] = made.names[(*keys, key)] = Place(origin)
+            made.values[(*keys, key)] = made.names[(*keys, key)] = Location(origin)
             note((*keys, key), value)
 
     note((), tree)
@@ -49,7 +49,7 @@ def test_matrix_is_a_product_with_tidy_names(write):
     ]
     assert runs[3].data["model"]["fusion"] == {"use": "Cross_Attention", "heads": 2}
     assert runs[3].data["train"] == {"epochs": 1, "touches": [0, 5]}
-    assert runs[3].place(("train", "touches")) == Place(str(path), 5, 22)
+    assert runs[3].location(("train", "touches")) == Location(str(path), 5, 22)
     assert "matrix" not in runs[0].data
 
 
@@ -70,7 +70,7 @@ def test_keys_of_a_matrix_may_vary_together(write):
         "fusion": {"use": "none"},
     }
     assert whole.data["model"]["touch_encoder"] == {"use": "net"}
-    assert without.place(("model", "fusion")) == Place(str(path), 5, 22)
+    assert without.location(("model", "fusion")) == Location(str(path), 5, 22)
 
 
 def test_runs_of_a_matrix_are_numbered_where_their_labels_are_the_same(write):
@@ -113,7 +113,7 @@ def test_set_wins_over_the_matrix(write):
 def test_what_is_no_matrix(write, matrix, column):
     (made,) = compose(write(f"name: a\nmatrix: {matrix}"))
     (mistake,) = made.mistakes
-    assert (mistake.place.line, mistake.place.column) == (2, column)
+    assert (mistake.location.line, mistake.location.column) == (2, column)
     assert "lists of values" in mistake.text
 
 
@@ -121,7 +121,7 @@ def test_what_is_no_matrix(write, matrix, column):
 def test_a_matrix_varies_no_composition(write, axis):
     (made,) = compose(write(f"name: a\nmatrix: {{seed: [1], {axis}: [x, y]}}"))
     (mistake,) = made.mistakes
-    assert (mistake.place.line, mistake.place.column) == (2, 21)
+    assert (mistake.location.line, mistake.location.column) == (2, 21)
     assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"
 
 
@@ -140,8 +140,8 @@ def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
     assert one.data == {"name": "study-one", "seed": 1, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
     assert two.data == {"name": "study-two", "seed": 1, "train": {"epochs": 5, "batch": 4, "learning_rate": 0.5}}
     assert three.data == {"name": "study-three", "seed": 7, "train": {"epochs": 5, "batch": 2, "learning_rate": 0.5}}
-    assert two.place(("train", "batch")) == Place(str(path), 5, 39)
-    assert one.place(("train", "batch")).origin.endswith("one.yaml")
+    assert two.location(("train", "batch")) == Location(str(path), 5, 39)
+    assert one.location(("train", "batch")).origin.endswith("one.yaml")
 
 
 def test_a_study_may_have_a_matrix_too(write):
@@ -178,7 +178,7 @@ def test_axes_from_outside_vary_as_a_matrix_does(write):
         f"a-seed.{seed}-touches.0-fusion.{fusion}" for seed in (0, 1) for fusion in ("x", "y")
     ]
     assert runs[1].data["model"] == {"encoder": {"use": "net"}, "fusion": {"use": "y"}}
-    assert runs[1].place(("model", "fusion", "use")) == Place("--fusion y")
+    assert runs[1].location(("model", "fusion", "use")) == Location("--fusion y")
 
 
 def test_a_study_names_no_study(write):

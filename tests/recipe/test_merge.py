@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.recipe.merge import assign, merge, normalize
-from pcsr.recipe.source import Place, Source, parse
+from pcsr.recipe.source import Location, Source, parse
 
 LEAVES = st.integers(0, 9) | st.text("xyz", max_size=2) | st.lists(st.integers(0, 9), max_size=2)
 NAMES = st.sampled_from("abcd")
@@ -16,11 +16,11 @@ TREES = st.recursive(st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionari
 
 def source(tree, origin="file"):
     """A source that knows where each value stands: in a file of this name, whatever the line."""
-    made = Source(copy.deepcopy(tree), {(): Place(origin)})
+    made = Source(copy.deepcopy(tree), {(): Location(origin)})
 
     def note(keys, node):
         for key, value in node.items() if isinstance(node, dict) else ():
-            made.values[(*keys, key)] = made.names[(*keys, key)] = Place(origin)
+            made.values[(*keys, key)] = made.names[(*keys, key)] = Location(origin)
             note((*keys, key), value)
 
     note((), tree)
@@ -79,9 +79,9 @@ def test_each_leaf_keeps_the_place_of_the_file_that_it_came_from(a, b):
             written = written.get(key, ...) if isinstance(written, dict) else ...
         from_over = written is not ... and written == _at(merged.data, keys) and not (written == {} and keys)
         if from_over and keys:
-            assert merged.place(keys).origin == "over"
+            assert merged.location(keys).origin == "over"
         elif keys and written is ...:
-            assert merged.place(keys).origin == "under"
+            assert merged.location(keys).origin == "under"
 
 
 def _at(node, keys):
@@ -125,9 +125,9 @@ def test_options_go_with_their_part(under, over, expected):
 @given(st.lists(st.sampled_from("abcd"), min_size=1, max_size=3), LEAVES, TREES)
 def test_set_is_a_merge_of_one_value(keys, value, tree):
     made = source(tree)
-    assign(made, tuple(keys), value, Place("--set"))
+    assign(made, tuple(keys), value, Location("--set"))
     nested = value
     for key in reversed(keys):
         nested = {key: nested}
     assert made.data == slow_merge(tree, nested)
-    assert made.place(tuple(keys)) == Place("--set")
+    assert made.location(tuple(keys)) == Location("--set")

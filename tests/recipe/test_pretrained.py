@@ -13,9 +13,9 @@ from pcsr.contracts import Trait, Upsampler
 from pcsr.errors import UserError
 from pcsr.files import save_tensors, sha256
 from pcsr.plugins.registry import Entry, Registry
-from pcsr.recipe import RecipeError, from_resolved, load
+from pcsr.recipe import RecipeError, from_resolved, load, pretrained
 from pcsr.recipe.json_schema import json_schema
-from pcsr.recipe.pretrained import Trained, check_weights
+from pcsr.recipe.pretrained import WeightsFile, check_weights
 
 MODEL = "{encoder: {use: net, channels: 4}, fusion: blend, backbone: refine, upsampler: dense}"
 
@@ -128,7 +128,9 @@ def test_a_file_is_relative_to_the_recipe_that_says_so(write, registry, trained,
     child = write("extends: below/parent.yaml\nname: child")
     assert one(child, registry).weights == one(path, registry).weights
     assert one(child, registry, f"weights={tmp_path}/below/w.safetensors").weights == one(path, registry).weights
-    with pytest.raises(RecipeError, match=r"no weights 'w.safetensors', neither shipped ones nor a file w.safetensors"):
+    with pytest.raises(
+        RecipeError, match=r"no weights 'w.safetensors', neither shipped ones nor a file or run folder w.safe"
+    ):
         load(child, registry, ["weights=w.safetensors"])  # relative to where we are
 
 
@@ -193,7 +195,7 @@ BAD = {
     "[a]": r"or a file, got \[\"a\"\]",
     "{sha256: x}": 'or a file, got {"sha256": "x"}',
     "{use: w.safetensors, file: b}": "weights takes no 'file'",
-    "none.safetensors": "there are no weights 'none.safetensors', neither shipped ones nor a file .*none.safetensors",
+    "none.safetensors": "no weights .none.safetensors., neither shipped ones nor a file or run folder .*/none.safe",
     ".": "is a folder, not a weights file",
     "recipe.yaml": "recipe.yaml is not a weights file of pcsr",
     "bare.safetensors": "holds no recipe",
@@ -227,9 +229,38 @@ def test_weights_that_change_after_the_recipe_was_read_are_refused(write, regist
     assert check_weights(made.model_copy(update={"weights": None}), registry) is None
 
 
+def test_the_file_is_read_and_hashed_once_unless_it_changes(write, registry, trained, monkeypatch):
+    hashed = []
+    monkeypatch.setattr(pretrained, "sha256", lambda path: hashed.append(path) or sha256(path))
+    trained()
+    path = write("name: a\nweights: w.safetensors")
+    made = one(path, registry)
+    first, again = check_weights(made, registry), check_weights(one(path, registry), registry)
+    assert (first is again, len(hashed)) == (True, 1)
+    first.check_unchanged()
+    trained()  # the same bytes in another file
+    with pytest.raises(UserError, match="have changed since they were checked: run it again"):
+        first.check_unchanged()
+    assert check_weights(made, registry).sha256 == first.sha256
+    assert len(hashed) == 2
+
+
+def test_a_file_that_changes_while_it_is_hashed_is_refused(write, registry, trained, monkeypatch):
+    trained()
+    monkeypatch.setattr(pretrained, "sha256", lambda path: trained("train.epochs=8") and sha256(path))
+    with pytest.raises(RecipeError, match="have changed since they were checked"):
+        load(write("name: a\nweights: w.safetensors"), registry)
+
+
+def test_the_run_folder_of_weights_may_be_named(write, registry, trained, tmp_path):
+    trained(name="run/weights.safetensors")
+    made = one(write("name: a\nweights: run"), registry)
+    assert made.weights.use == str(tmp_path / "run" / "weights.safetensors")
+
+
 def test_the_weights_themselves_are_not_read(registry, trained, tmp_path):
     trained()
-    assert Trained.read(tmp_path / "w.safetensors", registry).recipe.train.epochs == 7
+    assert WeightsFile.read(tmp_path / "w.safetensors", registry).recipe.train.epochs == 7
 
 
 def test_editors_take_a_name_for_weights(registry):
@@ -248,6 +279,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.filterwarnings("ignore::pcsr.errors.PcsrWarning")  # of names of 0.1, some of which are drawn
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 @given(section=st.sampled_from(["data", "model", "train", "patches", "weights", "name", "recipes"]), value=JSON)
 def test_a_card_of_nonsense_is_a_mistake_and_no_crash(write, registry, trained, tmp_path, section, value):

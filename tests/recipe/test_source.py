@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from pcsr.errors import UserError
-from pcsr.recipe.source import Place, RecipeError, parse, read, scalar
+from pcsr.recipe.source import Location, RecipeError, parse, read, scalar
 
 KEYS = st.text("abcxyz-_", min_size=1, max_size=6)
 TREES = st.recursive(
@@ -34,14 +34,14 @@ def test_every_value_has_the_place_where_its_text_stands(tree, flow):
     text = json.dumps(tree, indent=None if flow else 2)
     rows = text.splitlines()
     source = parse(text, "file")
-    for keys, place in source.names.items():
-        assert rows[place.line - 1][place.column - 1 :].startswith(f'"{keys[-1]}"')
-    for keys, place in source.values.items():
+    for keys, location in source.names.items():
+        assert rows[location.line - 1][location.column - 1 :].startswith(f'"{keys[-1]}"')
+    for keys, location in source.values.items():
         node = source.data
         for key in keys:
             node = node[key]
         start = json.dumps(node)[0]
-        assert rows[place.line - 1][place.column - 1] == start
+        assert rows[location.line - 1][location.column - 1] == start
 
 
 def test_it_is_yaml_1_2():
@@ -53,7 +53,7 @@ def test_it_is_yaml_1_2():
 def test_aliases_and_merge_keys_are_plain_data():
     source = parse("one: &x {k: 1, l: &y true}\ntwo: {<<: *x, k: 2}\nthree: *y", "file")
     assert source.data == {"one": {"k": 1, "l": True}, "two": {"k": 2, "l": True}, "three": True}
-    assert source.place(("two", "l")) == Place("file", 2, 6)  # merged in: the place of what it went into
+    assert source.location(("two", "l")) == Location("file", 2, 6)  # merged in: the place of what it went into
     assert not source.mistakes
 
 
@@ -85,14 +85,14 @@ def test_every_key_that_is_written_twice_is_collected():
         "file:5:1: 'name' is written twice: remove one of the two",
     ]
     assert source.data == {"name": "a", "data": {"rate": 1}, "list": [{"k": 1}, {"k": 2}]}
-    assert source.place(("name",)) == Place("file", 1, 7)
+    assert source.location(("name",)) == Location("file", 1, 7)
     assert not parse("name: a", "file").mistakes  # nothing is left over from another file
 
 
 def test_what_is_not_plain_data_is_collected():
     source = parse("&r\na: !!python/object/apply:os.system [echo]\nb: {c: !env HOME}\nd: *r\ne: 2026-13-01", "file")
     assert source.data == {"a": None, "b": {"c": None}, "d": None, "e": None}
-    places = [str(mistake.place) for mistake in source.mistakes]
+    places = [str(mistake.location) for mistake in source.mistakes]
     assert places == [
         "file:2:4",
         "file:3:8",
@@ -151,13 +151,13 @@ def test_a_file_that_cannot_be_read(tmp_path):
 @settings(max_examples=40, deadline=None)
 @given(TREES)
 def test_a_scalar_is_any_yaml(tree):
-    assert scalar(json.dumps(tree), Place("--set a")) == tree
+    assert scalar(json.dumps(tree), Location("--set a")) == tree
 
 
 @pytest.mark.parametrize("text", ["[1", "{a: 1, a: 2}", "!env HOME"])
 def test_a_scalar_that_is_not_plain_yaml(text):
     with pytest.raises(RecipeError, match=r"^--set a: "):
-        scalar(text, Place("--set a"))
+        scalar(text, Location("--set a"))
 
 
 def test_the_safe_loader_agrees():

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
+from pcsr.files import inside
 from pcsr.recorded.manifest import (
     UNITS,
     CloudEntry,
@@ -14,7 +15,6 @@ from pcsr.recorded.manifest import (
     RecordingManifest,
     check_entry,
     checked,
-    inside,
 )
 
 HEAD = {"format": 1, "unit": "mm", "object_unit": 3.7, "frame": "sensor", "sensor": "digit", "touches": [1]}

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LaidOut, Recorded, check_entry, checked
-from pcsr.recorded.pose import sensor_to_object, turn
+from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, check_entry, checked
+from pcsr.recorded.pose import rotation_from, sensor_to_object
+from pcsr_plugins.touch.recorded import Recorded
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recorded.md").read_text(encoding="utf-8")
 EXAMPLES = [json.loads(text) for text in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)]
@@ -24,7 +25,7 @@ def test_the_examples_of_the_page_are_right():
             for finger in fingers:
                 pose = check_entry(finger, "finger", in_grasp=True).pose
                 sensor_to_object(pose, recorded.unit, recorded.object_unit)
-    said = [checked(LaidOut, example, "").layout for example in EXAMPLES if "layout" in example]
+    said = [checked(LayoutManifest, example, "").layout for example in EXAMPLES if "layout" in example]
     for layout in said:
         options, _ = LAYOUTS[layout.pop("name")]
         checked(options, layout, "layout")
@@ -39,7 +40,7 @@ def test_the_page_tells_every_turn():
         for ours, theirs in enumerate(told.replace("−", "-").split(" | ")):
             expected = np.zeros(3)
             expected["xyz".index(theirs[1])] = float(theirs[0] + "1")
-            np.testing.assert_array_equal(turn(axes)[:3, ours], expected)
+            np.testing.assert_array_equal(rotation_from(axes)[:3, ours], expected)
 
 
 def test_the_page_names_every_layout_and_key():

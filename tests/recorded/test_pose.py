@@ -6,7 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
 from pcsr.recorded.manifest import EulerPose, MatrixPose, QuaternionPose
-from pcsr.recorded.pose import in_object, moved_along_z, rigid, sensor_to_object, seven, transformed, turn
+from pcsr.recorded.pose import (
+    in_object,
+    offset_z,
+    pose_from_7_vector,
+    rigid,
+    rotation_from,
+    sensor_to_object,
+    transformed,
+)
 
 AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 LENGTHS = st.sampled_from([1000.0, 10.0, 1.0, 0.001, 25.4, 500.0])
@@ -21,7 +29,7 @@ def matrix(rotation, place, scale=1.0):
 
 @pytest.mark.parametrize(("axes", "direction"), AXES.items())
 def test_a_turn_takes_our_view_to_theirs_and_mirrors_nothing(axes, direction):
-    turned = turn(axes)
+    turned = rotation_from(axes)
     assert (turned[:3, :3] @ [0, 0, -1]).tolist() == list(direction)
     np.testing.assert_array_equal(turned[:3, :3] @ turned[:3, :3].T, np.eye(3))
     assert np.linalg.det(turned) == pytest.approx(1)
@@ -83,7 +91,7 @@ def test_a_matrix_is_kept_to_the_last_bit():
 
 
 def test_in_object_and_moved_along_z_are_what_they_say():
-    pose = in_object(matrix(Rotation.identity(), [1, 2, 3]), 1000.0, 500.0) @ moved_along_z(-22.0)
+    pose = in_object(matrix(Rotation.identity(), [1, 2, 3]), 1000.0, 500.0) @ offset_z(-22.0)
     assert transformed(pose, np.array([[500.0, 0, 22]])).tolist() == [[3, 4, 6]]
 
 
@@ -119,7 +127,7 @@ def test_a_matrix_that_is_no_pose_is_refused(whole, reason, maps_to):
 def test_rounded_rotations_pass():
     rounded = np.round(matrix(Rotation.from_euler("xyz", [1, 2, 3]), [1, 2, 3]), 4)
     sensor_to_object(MatrixPose(matrix=rounded.tolist(), maps_to="rigid"), 1.0, 1.0)
-    seven(np.round([1, 2, 3, *Rotation.from_euler("xyz", [1, 2, 3]).as_quat()], 4), "pose")
+    pose_from_7_vector(np.round([1, 2, 3, *Rotation.from_euler("xyz", [1, 2, 3]).as_quat()], 4), "pose")
 
 
 @pytest.mark.parametrize(
@@ -146,9 +154,9 @@ def test_a_pose_to_the_world_cannot_end_in_the_objects_unit():
 
 
 def test_seven_numbers_are_a_place_and_a_quaternion_whose_w_is_last():
-    pose = seven(np.array([1, 2, 3, 0, 0, np.sqrt(0.5), np.sqrt(0.5)]), "pose")
+    pose = pose_from_7_vector(np.array([1, 2, 3, 0, 0, np.sqrt(0.5), np.sqrt(0.5)]), "pose")
     np.testing.assert_allclose(transformed(pose, np.array([[1.0, 0, 0]])), [[1, 3, 3]])
     with pytest.raises(UserError, match="camposes is not finite"):
-        seven(np.array([np.nan, 2, 3, 0, 0, 0, 1]), "camposes")
+        pose_from_7_vector(np.array([np.nan, 2, 3, 0, 0, 0, 1]), "camposes")
     with pytest.raises(UserError, match=r"camposes\.quaternion: its norm is 2"):
-        seven(np.array([0.0, 2, 3, 0, 0, 0, 2]), "camposes")
+        pose_from_7_vector(np.array([0.0, 2, 3, 0, 0, 0, 2]), "camposes")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pcsr.clouds.formats import write_points
-from pcsr.network.load import read_card
+from pcsr.weights.file import read_card
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "third_party"

@@ -28,7 +28,7 @@ class Copies(Network):
 
 
 def patches(points=16, rate=4, cover=3.0):
-    return Patches(points=points, rate=rate, cover=cover)
+    return Patches(points=points, rate=rate, overlap=cover)
 
 
 def cloud(n=100, seed=0):

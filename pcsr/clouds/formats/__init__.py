@@ -15,6 +15,7 @@ from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import UserError
 from pcsr.files import check_target, write_whole
+from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
@@ -59,7 +60,7 @@ MEMORY = {
 }
 """What reading a file takes at its peak, in sizes of the file: measured on a million points."""
 LONGEST = 500
-"""Letters that are said of a file at most."""
+"""The longest reason in a message, in characters."""
 LEAST_MEMORY = 3.0
 """The same for all other kinds."""
 
@@ -235,8 +236,8 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
         with np.errstate(over="ignore", invalid="ignore"):  # what no double holds is not finite: looked at later
             return read(data)
     except UserError as error:
-        said = str(error)  # with names and numbers of the file, however long they are
-        raise UserError(f"{name}: {said if len(said) <= LONGEST else said[:LONGEST] + '…'}") from error
+        reason = str(error)  # with names and numbers of the file, however long they are
+        raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
     except Exception as error:  # the readers raise whatever a malformed file makes them trip over
         reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
         reason = textwrap.shorten(reason, 200) or type(error).__name__
@@ -253,14 +254,8 @@ def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:
 
 
 def _checked(points: np.ndarray, name: str, remedy: str = "") -> Float[np.ndarray, "n 3"]:
-    if points.size == 0:
-        raise UserError(f"{name} holds no points")
-    if points.ndim != 2 or points.shape[1] < 3:
+    if points.size and (points.ndim != 2 or points.shape[1] < 3):
         raise UserError(f"{name} holds an array of shape {points.shape}: points are (n, 3)")
-    points = points[:, :3]
-    bad = int((~np.isfinite(points).all(axis=1)).sum())
-    if bad:
-        raise UserError(
-            f"{name}: {bad} of {len(points)} points have a coordinate that is not finite: remove them{remedy}"
-        )
+    points = points[:, :3] if points.size else np.zeros((0, 3))
+    check_cloud(points, name, remedy=remedy)
     return points

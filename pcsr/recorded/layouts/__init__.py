@@ -36,5 +36,5 @@ def read(folder: Path, layout: dict[str, Any]) -> Iterator[tuple[str, Touch | st
     if not isinstance(name, str) or name not in LAYOUTS:
         raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {did_you_mean(shown(name), LAYOUTS)}")
     options, read_folder = LAYOUTS[name]
-    said = {key: value for key, value in layout.items() if key != "name"}
-    return read_folder(folder, checked(options, said, "layout"))
+    options_written = {key: value for key, value in layout.items() if key != "name"}
+    return read_folder(folder, checked(options, options_written, "layout"))

@@ -14,7 +14,7 @@ from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.recorded.manifest import Axis, Length, NotNegative, Pose, Positive, Sign, Strict
-from pcsr.recorded.pose import sensor_to_object, transformed, turn
+from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 
 class Options(Strict):
@@ -57,10 +57,10 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
 
 
 def _touch(path: Path, number: str, options: Options) -> Touch:
-    ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ turn(options.axes)
-    felt = _contact(read_points(path), options, path)
-    area = len(felt) * options.mm_per_pixel**2
-    return Touch.single(transformed(ours, felt), ours, options.object_unit, options.sensor, area)
+    ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ rotation_from(options.axes)
+    touched = _contact(read_points(path), options, path)
+    area = len(touched) * options.mm_per_pixel**2
+    return Touch.single(transformed(ours, touched), ours, options.object_unit, options.sensor, area)
 
 
 def _contact(pixels: Float[np.ndarray, "n 3"], options: Options, path: Path) -> Float[np.ndarray, "m 3"]:
@@ -71,5 +71,5 @@ def _contact(pixels: Float[np.ndarray, "n 3"], options: Options, path: Path) -> 
     contact = z > options.contact_above
     if not contact.any():
         raise UserError(f"{path}: no contact: none of its {len(z)} pixels is above {options.contact_above:g} mm")
-    felt: Float[np.ndarray, "m 3"] = np.stack([x, -down, z], axis=-1)[contact]
-    return felt
+    touched: Float[np.ndarray, "m 3"] = np.stack([x, -down, z], axis=-1)[contact]
+    return touched

@@ -16,13 +16,13 @@ from scipy import fft
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.files import inside
 from pcsr.inputs import check_file
 from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.images import height_contact
-from pcsr.recorded.manifest import Length, Pose, Positive, Strict, inside
-from pcsr.recorded.pose import check_matrix, moved_along_z, sensor_to_object, transformed, turn
-
-METRE = 1000.0
+from pcsr.recorded.layouts.arrays import METRE
+from pcsr.recorded.manifest import Length, Pose, Positive, Strict
+from pcsr.recorded.pose import check_matrix, offset_z, rotation_from, sensor_to_object, transformed
 
 
 class Options(Strict):
@@ -63,16 +63,16 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
     # Heights are known up to a constant, which is another in each frame; the motions are of surfaces whose
     # heights are 0 on average. So each frame's origin is moved from that average to the gel's face.
     first_face = _surface(gradients[0], masks[0], options.mm_per_pixel)[1]
-    start = sensor_to_object(options.start, options.unit, options.object_unit) @ moved_along_z(-first_face)
+    start = sensor_to_object(options.start, options.unit, options.object_unit) @ offset_z(-first_face)
     for index in range(0, len(masks), options.every):
         name = f"frame {index}"
         try:
             motion = check_matrix(np.array(motions[index], np.float64), 1.0, f"{path}: pose {index}")
             motion[:3, 3] *= METRE
             height, face = _surface(gradients[index], masks[index], options.mm_per_pixel)
-            felt, area = height_contact(face - height, options.mm_per_pixel, masks[index] != 0)
-            pose = start @ motion @ moved_along_z(face) @ turn("+z")
-            points = transformed(pose, felt)
+            touched, area = height_contact(face - height, options.mm_per_pixel, masks[index] != 0)
+            pose = start @ motion @ offset_z(face) @ rotation_from("+z")
+            points = transformed(pose, touched)
             yield name, Touch.single(points, pose, options.object_unit, options.sensor, area)
         except UserError as error:
             yield name, str(error)

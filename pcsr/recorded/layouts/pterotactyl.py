@@ -1,6 +1,6 @@
 """The layout `pterotactyl`: grasps of Active-3D-Vision-and-Touch (Smith et al., 2021), a folder for each object.
 
-`<action>/<finger>_points.npy` is what a finger felt, in the object's frame and in metres, and
+`<action>/<finger>_points.npy` holds the touched points of a finger, in the object's frame and in metres, and
 `<action>/<finger>_ref_frame.npy`, which is pickled, says where its camera was.
 """
 
@@ -14,19 +14,17 @@ from pydantic import Field
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.recorded.layouts.smith_2020 import in_order, joined, numbers
+from pcsr.recorded.layouts.arrays import METRE, in_order, joined, numbers
 from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pickles.unpickle import load_numpy
-from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, turn
-
-METRE = 1000.0
+from pcsr.recorded.pose import check_matrix, in_object, offset_z, rotation_from
 
 
 class Options(Strict):
     """What the manifest says of this layout."""
 
     per: Literal["grasp", "finger"] = "grasp"
-    """A touch is what all fingers of a grasp felt, or what one finger did."""
+    """Whether all fingers of a grasp make one touch, or each finger makes its own."""
     face: Annotated[float, Field(ge=0)] = 12.8
     """From a finger's camera to its face, in mm: that of the box which stands for it in the simulator."""
 
@@ -54,8 +52,8 @@ def _fingers(action: Path, face: float) -> list[Touch | None]:
 def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     if not points.is_file():
         return None
-    felt = numbers(load_numpy(points), (None, 3), str(points))
-    if len(felt) == 0:
+    touched = numbers(load_numpy(points), (None, 3), str(points))
+    if len(touched) == 0:
         return None
     where = load_numpy(frame)
     if not isinstance(where, dict) or not {"pos", "rot"} <= where.keys():
@@ -63,5 +61,5 @@ def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     rigid = np.eye(4)
     rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
     rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
-    pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ turn("+x") @ moved_along_z(-face)
-    return Touch.single(felt, pose, METRE, "smith-2021")
+    pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ rotation_from("+x") @ offset_z(-face)
+    return Touch.single(touched, pose, METRE, "smith-2021")

@@ -16,13 +16,13 @@ from pydantic import Field, model_validator
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.files import inside
 from pcsr.recorded.images import depth_contact, read_image, same_size
-from pcsr.recorded.layouts.smith_2020 import numbers
-from pcsr.recorded.manifest import Intrinsics, Strict, inside
+from pcsr.recorded.layouts.arrays import METRE, numbers
+from pcsr.recorded.manifest import Intrinsics, Strict
 from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
-from pcsr.recorded.pose import check_matrix, in_object, moved_along_z, seven, transformed
+from pcsr.recorded.pose import check_matrix, in_object, offset_z, pose_from_7_vector, transformed
 
-METRE = 1000.0
 FACE = 22.0
 """From the camera to the gel's face, in mm."""
 LEVEL = 0.03
@@ -49,7 +49,7 @@ class Options(Strict):
     background: str | None = None
     """Real slides only: height image of the untouched gel, which is subtracted for `contact_above`."""
     alignment: str | None = None
-    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all that was felt."""
+    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all touched points."""
 
     @model_validator(mode="after")
     def _real_only(self) -> "Options":
@@ -91,9 +91,9 @@ def _touch(folder: Path, name: str, pose: Callable[[], Float[np.ndarray, "4 4"]]
     rows, columns = heights.shape
     focal = 0.5 * rows / math.tan(HALF_VIEW)
     camera = Intrinsics(fx=focal, fy=focal, cx=columns / 2, cy=rows / 2)
-    felt, area = depth_contact(FACE - heights * LEVEL, camera, FACE, contact)
-    placed = in_object(pose(), METRE, METRE) @ moved_along_z(-FACE)
-    return Touch.single(transformed(placed, felt), placed, METRE, "digit", area)
+    touched, area = depth_contact(FACE - heights * LEVEL, camera, FACE, contact)
+    placed = in_object(pose(), METRE, METRE) @ offset_z(-FACE)
+    return Touch.single(transformed(placed, touched), placed, METRE, "digit", area)
 
 
 def _contact(folder: Path, name: str, heights: Float[np.ndarray, "h w"], options: Options) -> Bool[np.ndarray, "h w"]:
@@ -115,7 +115,7 @@ def _simulated_poses(folder: Path) -> list[Callable[[], Float[np.ndarray, "4 4"]
     poses = numbers(
         _item(load_pickle(path, INERT), "camposes", str(path)), (None, 7), f"{path}: camposes", finite=False
     )
-    return [partial(seven, row, f"{path}: a pose") for row in poses]
+    return [partial(pose_from_7_vector, row, f"{path}: a pose") for row in poses]
 
 
 def _real_poses(folder: Path, alignment: str | None) -> list[Callable[[], Float[np.ndarray, "4 4"]]]:
@@ -134,8 +134,9 @@ def _real_poses(folder: Path, alignment: str | None) -> list[Callable[[], Float[
         moved = check_matrix(numbers(load_numpy(file), (4, 4), str(file)), 1.0, str(file))[:3, 3]
 
     def relative(index: int) -> Float[np.ndarray, "4 4"]:
-        of_object = seven(thing[index], f"{path}: a pose of {others[0]}")
-        pose: Float[np.ndarray, "4 4"] = np.linalg.inv(of_object) @ seven(digit[index], f"{path}: a pose of DIGIT")
+        of_object = pose_from_7_vector(thing[index], f"{path}: a pose of {others[0]}")
+        of_digit = pose_from_7_vector(digit[index], f"{path}: a pose of DIGIT")
+        pose: Float[np.ndarray, "4 4"] = np.linalg.inv(of_object) @ of_digit
         pose[:3, 3] += moved
         return pose
 

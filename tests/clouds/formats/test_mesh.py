@@ -5,7 +5,7 @@ import trimesh
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
-from pcsr.clouds.formats.mesh import read_mesh
+from pcsr.clouds.meshes import read_mesh
 
 BOX = trimesh.creation.box((1, 2, 3))
 

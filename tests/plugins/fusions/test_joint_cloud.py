@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pcsr import TouchBatch, Trait, UserError, Widths
 from pcsr.geometry.ordering import hilbert_order
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.fusions.joint_cloud import JointCloud

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from torch import nn
 
 from pcsr import Widths
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets

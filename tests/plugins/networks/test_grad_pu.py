@@ -9,7 +9,8 @@ from safetensors.torch import load_file
 from torch import nn
 
 from pcsr import UserError
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.foreign.grad_pu import convert

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from pcsr.network.load import load_weights, save_weights
-from pcsr.network.network import build
+from pcsr.network.build import build
+from pcsr.network.load import load_weights
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 

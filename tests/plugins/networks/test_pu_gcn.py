@@ -8,7 +8,7 @@ from torch import nn
 
 from pcsr import Trait, UserError
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import build
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from tests.plugins.compare import close

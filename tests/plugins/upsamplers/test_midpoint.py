@@ -13,7 +13,8 @@ from pcsr.experiments.evaluation import methods
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import Network, build
+from pcsr.network.build import build
+from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_transformer import PUTransformer

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr import UserError
-from pcsr.recorded.pickles.unpickle import Inert, load_numpy, load_pickle
+from pcsr.recorded.pickles.rebuild import Inert
+from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
 from tests.clouds.pickles import PROTOCOLS, Hostile, load, same
 
 ARRAYS = [

@@ -14,7 +14,7 @@ PointsLayout = Literal["bnc", "bcn"]
 
 
 @dataclass(frozen=True)
-class Joint:
+class InjectionPoint:
     """Where touch enters a network."""
 
     at: str
@@ -31,15 +31,15 @@ class Joint:
     """Of the points: those behind the first three are no coordinates."""
 
 
-def visual_points(joint: Joint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:
+def visual_points(point: InjectionPoint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:
     """The visual points; a copy, as networks may centre theirs in place before the layer is reached."""
-    cloud = _argument(joint.points, args, kwargs)
-    axis = channel_axis(joint.points_layout)
-    if not isinstance(cloud, Tensor) or cloud.dim() != 3 or cloud.shape[axis] != joint.channels:
+    cloud = _argument(point.points, args, kwargs)
+    axis = channel_axis(point.points_layout)
+    if not isinstance(cloud, Tensor) or cloud.dim() != 3 or cloud.shape[axis] != point.channels:
         shape = tuple(cloud.shape) if isinstance(cloud, Tensor) else type(cloud).__name__
-        wanted = f"(b n {joint.channels})" if axis == 2 else f"(b {joint.channels} n)"
+        wanted = f"(b n {point.channels})" if axis == 2 else f"(b {point.channels} n)"
         raise UserError(
-            f"the points, argument {joint.points!r} of the network, are {shape}, not {wanted} as in the "
+            f"the points, argument {point.points!r} of the network, are {shape}, not {wanted} as in the "
             f"probe: hand them over like that, or graft with another points= or points_layout="
         )
     return (cloud if axis == 2 else cloud.transpose(1, 2))[..., :3].clone()
@@ -77,17 +77,17 @@ def from_bnc(features: Float[Tensor, "b n c"], layout: Layout) -> Tensor:
     return turned.unsqueeze(-1) if layout == "bcn1" else turned
 
 
-def check_output(joint: Joint, output: Any, points: Tensor) -> None:
-    """Refuse what is not one feature for each point, in the joint's layout and width."""
+def check_output(point: InjectionPoint, output: Any, points: Tensor) -> None:
+    """Refuse what is not one feature for each point, in the layout and width of the injection point."""
     rows, count = points.shape[:2]
     expected = {
-        "bnc": (rows, count, joint.width),
-        "bcn": (rows, joint.width, count),
-        "bcn1": (rows, joint.width, count, 1),
-    }[joint.layout]
+        "bnc": (rows, count, point.width),
+        "bcn": (rows, point.width, count),
+        "bcn1": (rows, point.width, count, 1),
+    }[point.layout]
     if not isinstance(output, Tensor) or output.shape != expected:
         shape = tuple(output.shape) if isinstance(output, Tensor) else f"a {type(output).__name__}"
         raise UserError(
-            f"layer '{joint.at}' gives {shape} for {rows} × {count} points, not one feature of {joint.width} channels "
-            f"for each as '{joint.layout}': graft at a layer ahead of any sampling, and state the layout it has"
+            f"layer '{point.at}' gives {shape} for {rows} × {count} points, not one feature of {point.width} channels "
+            f"for each as '{point.layout}': graft at a layer ahead of any sampling, and state the layout it has"
         )

@@ -13,7 +13,7 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_map
 
 
-class Held(TorchFunctionMode):
+class StopGradients(TorchFunctionMode):
     """The first run notes all that is detached or computed without gradients; the next ones get the same again."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ def slopes(
         direction: for each leaf a tensor of its shape, together of length 1.
         step: how far along it the difference reaches.
     """
-    held = Held()
+    held = StopGradients()
     with held:
         number = value()
     slope = 0.0

@@ -1,4 +1,4 @@
-"""Who made the parts of weights: what their card says of it, and what is here."""
+"""The parts of weights in their card: who made them, whether they are installed, and whether their code changed."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -11,12 +11,12 @@ from pcsr.plugins.registry import FILE, FIRST_PARTY, Registry
 from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys
+from pcsr.weights.fit import RETRAIN
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
-"""What a card may say of a part. It ends up in a command that a person is told to run, so nothing else is read."""
+"""The form of what a card states of a part. It becomes part of a command to run, so nothing else is read."""
 LONG = 100
 """Characters of a name in a message, of which a card may have millions."""
-ANEW = "They may come from another version of its parts: train again, or install that version"
 
 
 def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
@@ -32,14 +32,14 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
     return parts
 
 
-def _used(recipe: Mapping[str, Any], places: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
-    """Kind and name of each part that a recipe names at these places, each once, whatever else is wrong with it."""
+def _used(recipe: Mapping[str, Any], keys: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
+    """Kind and name of each part that a recipe names under these keys, each once, whatever else is wrong with it."""
     used = []
-    for (section, place), kind in ((keys, kind) for keys, kind in PARTS.items() if keys in places):
+    for section, key in (part for part in PARTS if part in keys):
         inner = recipe.get(str(section))
-        part = inner.get(place) if isinstance(inner, dict) else None
+        part = inner.get(key) if isinstance(inner, dict) else None
         if isinstance(part, dict) and isinstance(part.get("use"), str):
-            used.append((kind, part["use"]))
+            used.append((PARTS[section, key], part["use"]))
     return list(dict.fromkeys(used))
 
 
@@ -101,20 +101,22 @@ def made_by(card: Mapping[str, Any], registry: Registry) -> str:
         here.append(f"pcsr {__version__}" if here else __version__)
         install.append(f"pcsr=={version}")
     if not made:
-        return ANEW
-    ways = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
-    ways += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
-    return f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(ways)}, or train again"
+        return RETRAIN
+    remedies = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
+    remedies += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
+    return (
+        f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(remedies)}, or train again"
+    )
 
 
-def changed(recipe: Recipe, written: Any, registry: Registry, places: Iterable[Keys] = PARTS.keys()) -> dict[str, str]:
+def changed(recipe: Recipe, written: Any, registry: Registry, keys: Iterable[Keys] = PARTS.keys()) -> dict[str, str]:
     """The parts whose code is other than it was.
 
     Args:
         recipe: with the code of now.
         written: the recipe as it was resolved then, in a card.
         registry: who brings the parts now.
-        places: that are looked at.
+        keys: the sections and keys whose parts are compared.
 
     Returns:
         By its place each part in words, such as "fusion 'x' (mine.py)".
@@ -122,29 +124,29 @@ def changed(recipe: Recipe, written: Any, registry: Registry, places: Iterable[K
     then = written.get("code") if isinstance(written, dict) else None
     then = then if isinstance(then, dict) else {}
     found = {}
-    for section, key in places:
-        place = f"{section}.{key}"
+    for section, key in keys:
+        location = f"{section}.{key}"
         spec = getattr(getattr(recipe, str(section)), str(key))
-        if spec is not None and then.get(place) != recipe.code.get(place):
+        if spec is not None and then.get(location) != recipe.code.get(location):
             kind = PARTS[section, key]
             entry = registry.entries.get((kind, spec.use))
-            found[place] = f"{kind} '{spec.use}'" + (f" ({entry.brought_by})" if entry else "")
+            found[location] = f"{kind} '{spec.use}'" + (f" ({entry.brought_by})" if entry else "")
     return found
 
 
 def other_code(recipe: Recipe, card: Mapping[str, Any], registry: Registry) -> str | None:
     """What to say of weights whose network has other code here than when they were made; None if it has the same.
 
-    Nothing is said of a plugin whose code the card does not know, as those of pcsr 0.1.0 do.
+    Plugins whose code the card does not hold are passed over: cards of pcsr 0.1.0 hold none.
     """
     written = card.get("recipe")
     then = written.get("code", {}) if isinstance(written, dict) else {}
     then = then if isinstance(then, dict) else {}
-    said = []
-    for place, part in changed(recipe, written, registry, sorted(MODEL)).items():
-        old, new = then.get(place), recipe.code.get(place)
+    differences = []
+    for location, part in changed(recipe, written, registry, sorted(MODEL)).items():
+        old, new = then.get(location), recipe.code.get(location)
         if old is None and new is not None and not new.startswith("version"):
             continue
         shown = [str(one)[:LONG] if one is not None else "version 1" for one in (old, new)]
-        said.append(f"{part} of code {ascii(shown[0])[1:-1]}, and this is {shown[1]}")
-    return f"made by {'; '.join(said)}" if said else None
+        differences.append(f"{part} of code {ascii(shown[0])[1:-1]}, and this is {shown[1]}")
+    return f"made by {'; '.join(differences)}" if differences else None

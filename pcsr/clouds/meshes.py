@@ -1,0 +1,79 @@
+"""The reader of mesh files: triangles in the file's own frame and unit."""
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pcsr.clouds.formats.beginnings import check_start
+from pcsr.clouds.formats.mesh import MEMORY, MESHES, load_scene
+from pcsr.errors import UserError
+from pcsr.inputs import read_bytes
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def read_mesh(path: str | Path) -> "Trimesh":
+    """The triangles of a mesh file; the meshes of a scene are joined into one.
+
+    Vertices and faces are as they are in the file: nothing is merged or dropped, and colours and textures are left out.
+
+    Args:
+        path: a `.ply`, `.obj`, `.stl`, `.off` or `.glb` file.
+
+    Returns:
+        A mesh in the file's own frame and unit.
+
+    Raises:
+        UserError: it cannot be read, is larger than its kind needs to be, has no faces, or a face names a vertex that
+            is not there.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in MESHES:
+        raise UserError(f"{path}: no mesh format '{suffix}': {', '.join(MESHES)} are known")
+    data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
+    try:
+        with np.errstate(all="ignore"):  # trimesh's arithmetic; who measures looks for vertices that are not finite
+            mesh = _joined(load_scene(data, suffix[1:]))
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
+    except IndexError as error:
+        raise UserError(f"{path} cannot be read as a mesh: a face names a vertex that is not there") from error
+    except Exception as error:  # the readers raise whatever a malformed file makes them trip over
+        reason = textwrap.shorten(str(error), 200) or type(error).__name__
+        raise UserError(f"{path} cannot be read as a mesh: {reason}") from error
+    if not len(mesh.faces):
+        raise UserError(f"{path} has no faces: give a mesh, not a cloud")
+    check_faces(np.asarray(mesh.faces), len(mesh.vertices), str(path))
+    return mesh
+
+
+def _joined(scene: Any) -> "Trimesh":
+    import trimesh
+
+    for part in scene.geometry.values():
+        part.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
+    mesh: Trimesh = scene.to_mesh()
+    return mesh
+
+
+def check_faces(faces: np.ndarray, count: int, name: str) -> None:
+    """Refuse faces that name vertices which are not there.
+
+    Args:
+        faces: (f, 3), indices of vertices.
+        count: of vertices.
+        name: what messages call the mesh.
+
+    Raises:
+        UserError: some do.
+    """
+    bad = np.flatnonzero(((faces < 0) | (faces >= count)).any(axis=1))
+    if len(bad):
+        raise UserError(
+            f"{name}: {len(bad)} of its {len(faces)} faces name vertices that are not there, such as face {bad[0]}, "
+            f"{faces[bad[0]].tolist()}: it has {count} vertices, counted from 0"
+        )

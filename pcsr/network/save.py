@@ -1,0 +1,61 @@
+"""The writer of weights files: weights, and the card that describes them as the file's header."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from pcsr.errors import UserError
+from pcsr.files import save_tensors
+from pcsr.network.card import foreign_parts
+from pcsr.plugins.registry import Registry
+
+
+def save_weights(
+    path: Path, network: nn.Module, card: dict[str, Any], registry: Registry | None = None, *, half: bool = False
+) -> None:
+    """Write weights; the card (recipe, data fingerprint, metrics, version) becomes the file's header.
+
+    Args:
+        path: the file.
+        network: whose weights.
+        card: what to say of them. The hash of the weights is added as `sha256`.
+        registry: where the recipe's parts are from; those that are not pcsr's own are then added as `parts`.
+        half: store them in half precision, in half the space. Loading gives single precision again; whole numbers stay.
+
+    Raises:
+        UserError: a weight is too large for half precision.
+        RunError: the file can't be written.
+    """
+    tensors = network.state_dict()
+    if half:
+        tensors = {name: _halved(name, tensor) for name, tensor in tensors.items()}
+    card = {**card, "sha256": tensors_hash(tensors)}
+    if registry is not None and "recipe" in card:
+        card["parts"] = foreign_parts(card["recipe"], registry)
+    save_tensors(path, tensors, {"pcsr": json.dumps(card)})
+
+
+def _halved(name: str, tensor: Tensor) -> Tensor:
+    if not tensor.is_floating_point():
+        return tensor
+    halved = tensor.half()
+    if tensor.isfinite().all() and not halved.isfinite().all():
+        raise UserError(
+            f"the weights '{name}' reach {tensor.abs().max():.4g}, and half precision ends at "
+            f"{torch.finfo(torch.half).max:.0f}: store them in single precision"
+        )
+    return halved
+
+
+def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
+    """SHA-256 over the names, types, shapes and bytes of tensors, in the order of their names."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        digest.update(json.dumps([name, str(tensor.dtype), list(tensor.shape)]).encode() + b"\n")
+        digest.update(tensor.detach().cpu().reshape(-1).contiguous().view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,45 @@
+"""Weights by name, file or run folder."""
+
+from pathlib import Path
+
+import pytest
+
+from pcsr import weights
+from pcsr.errors import UserError
+from pcsr.weights.find import find
+
+
+def test_shipped_weights_go_by_their_names(tmp_path, monkeypatch):
+    assert weights.DEFAULT in weights.names()
+    assert find("tapsr") == weights.shipped("tapsr")
+    monkeypatch.chdir(tmp_path)
+    Path("tapsr").write_text("something else")
+    assert find("tapsr") == weights.shipped("tapsr")
+    assert find("./tapsr") == find("tapsr", paths_first=True) == Path("tapsr")
+
+
+def test_a_file_is_relative_to_the_folder_unless_it_says_all(tmp_path):
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(b"")
+    assert find("w.safetensors", tmp_path) == path
+    assert find(str(path), Path("elsewhere")) == path
+    with pytest.raises(
+        UserError, match=r"no weights 'w.safetensors', neither shipped ones nor a file or run folder below/w.safet"
+    ):
+        find("w.safetensors", Path("below"))
+
+
+def test_no_name_leads_out_of_the_folder_of_shipped_weights(tmp_path, monkeypatch):
+    monkeypatch.setattr(weights, "HERE", tmp_path / "shipped")
+    (tmp_path / "shipped").mkdir()
+    (tmp_path / "outside.safetensors").write_bytes(b"")
+    with pytest.raises(UserError, match=r"no weights '../outside'"):
+        find("../outside")
+
+
+def test_a_run_folder_stands_for_the_weights_in_it(tmp_path):
+    (tmp_path / "run").mkdir()
+    with pytest.raises(UserError, match=r"run is a folder, not a weights file, and holds no weights\.safetensors"):
+        find("run", tmp_path)
+    (tmp_path / "run" / weights.WEIGHTS).write_bytes(b"")
+    assert find("run", tmp_path) == tmp_path / "run" / weights.WEIGHTS
