@@ -11,7 +11,7 @@ from pcsr import ShapeItem
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
-from pcsr_plugins.touch.press import Finger
+from pcsr_plugins.touch.digit.press import Finger
 
 CLOUD = np.zeros((1, 3))
 TOUCHES = 40

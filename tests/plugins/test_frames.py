@@ -16,7 +16,8 @@ from pcsr.recipe import load
 from pcsr_plugins.backbones.local_frames import LocalFrameBackbone
 from pcsr_plugins.encoders.local_frames import LocalFrameEncoder
 from pcsr_plugins.layers.local_frame_conv import LocalFrameConv
-from pcsr_plugins.layers.local_frames import LEAST, SCALARS, LocalFrames, plane
+from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames, plane
+from pcsr_plugins.layers.spacing import LEAST
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import curved, grid, rotation, slow_edge, slow_frame
 

@@ -8,6 +8,7 @@ import torch
 from safetensors.torch import load_file
 from torch import nn
 
+from benchmarks.grad_pu import convert
 from pcsr import Trait, UserError, Widths
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.ordering import along, hilbert_order
@@ -16,7 +17,6 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr_plugins.backbones.grad_pu import GradPU
 from pcsr_plugins.encoders.mlp import Mlp
-from pcsr_plugins.foreign.grad_pu import convert
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.layers.linear_norm_relu import LinearNormReLU, PointNorm
 from pcsr_plugins.objectives.grad_pu import GradPU as Objective

@@ -19,7 +19,9 @@ from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_transformer import PUTransformer
 from pcsr_plugins.encoders.mlp import Mlp
 from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.upsamplers.midpoint import Midpoint, evenly, interpolated, spacing
+from pcsr_plugins.layers.midpoints import evenly, interpolated
+from pcsr_plugins.layers.spacing import spacing
+from pcsr_plugins.upsamplers.midpoint import Midpoint
 
 RECIPE = Path(__file__).parents[2] / "recipes" / "tapsr-midpoint.yaml"
 

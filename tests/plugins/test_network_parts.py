@@ -17,7 +17,7 @@ from pcsr_plugins.encoders.unet import UNet
 from pcsr_plugins.fusions.concat import Concat
 from pcsr_plugins.fusions.iterative import Iterative
 from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.fusions.pairing import pair
+from pcsr_plugins.layers.hilbert_pairing import pair
 from pcsr_plugins.objectives.chamfer import Chamfer
 from pcsr_plugins.upsamplers.shuffle import Shuffle, neighbour_offsets
 from tests.plugins.plain import plain

@@ -15,9 +15,9 @@ from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
 from pcsr_plugins.encoders.linear import Linear
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.layers.grid import grid
+from pcsr_plugins.layers.point_losses import hinge_repulsion, matched_distance
 from pcsr_plugins.layers.self_attention import SelfAttention
 from pcsr_plugins.objectives.pu_gan import SHARES, Discriminator, PuGan, uniformity
-from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance
 from pcsr_plugins.upsamplers.up_down_up import UpDownUp
 
 

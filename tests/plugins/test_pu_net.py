@@ -14,9 +14,9 @@ from pcsr_plugins.backbones.pu_net import PUNet
 from pcsr_plugins.encoders.set_abstraction import BallEncoder
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.layers.farthest import farthest
+from pcsr_plugins.layers.point_losses import matched_distance, repulsion
 from pcsr_plugins.layers.set_abstraction import SetAbstraction, ball
 from pcsr_plugins.objectives.pu_net import PUNetLoss
-from pcsr_plugins.objectives.terms import matched_distance, repulsion
 from pcsr_plugins.upsamplers.branches import Branches
 
 

@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
-from pcsr_plugins.fusions.pairing import met
+from pcsr_plugins.layers.hilbert_pairing import met
 
 
 class Iterative(Fusion):

@@ -15,11 +15,8 @@ from torch import Tensor
 
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Neighbours, Points
+from pcsr_plugins.layers.spacing import mean_length
 
-SPACED = 8
-"""Neighbours whose mean distance is the spacing."""
-LEAST = 1e-6
-"""The least spacing, where points coincide; the cloud's radius is 1."""
 SCALARS = 8
 """Numbers that tell an edge."""
 
@@ -49,7 +46,7 @@ class LocalFrames:
         with torch.no_grad():
             near = knn(points, points, min(neighbours + 1, max(2, points.shape[1])))[..., 1:]
             ways = gather(points, near) - points.unsqueeze(2)
-            unit = ways[:, :, :SPACED].norm(dim=-1).mean(-1, keepdim=True).clamp_min(LEAST)
+            unit = mean_length(ways)
             ways = ways / unit.unsqueeze(2)
             normal = plane(ways)
             height = (ways * normal.unsqueeze(2)).sum(-1)

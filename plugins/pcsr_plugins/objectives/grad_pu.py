@@ -16,7 +16,7 @@ from pcsr import Objective, UpsamplingNetwork, UserError
 from pcsr.geometry.neighbours import gather
 from pcsr.metrics.nearest import nearest
 from pcsr.tensors import Dense, Points, TouchMask, TouchPoints
-from pcsr_plugins.upsamplers.descent import Descent
+from pcsr_plugins.layers.distance_regressor import DistanceRegressor
 
 
 class GradPU(Objective):
@@ -46,7 +46,7 @@ class GradPU(Objective):
             UserError: the network's upsampler predicts no distances.
         """
         upsampler = network.upsampler
-        if not isinstance(upsampler, Descent):
+        if not isinstance(upsampler, DistanceRegressor):
             raise UserError(
                 f"objective 'grad-pu' judges distances, and the upsampler {type(upsampler).__name__} predicts none: "
                 f"set model.upsampler to descent, or train.objective to chamfer"

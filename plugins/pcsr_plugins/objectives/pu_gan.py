@@ -25,8 +25,8 @@ from pcsr.geometry.neighbours import gather, knn
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points
 from pcsr_plugins.layers.options import Weight
+from pcsr_plugins.layers.point_losses import hinge_repulsion, matched_distance
 from pcsr_plugins.layers.self_attention import SelfAttention
-from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance
 
 SHARES = (0.004, 0.006, 0.008, 0.010, 0.012)
 """Discs of these shares of a patch are looked at; a patch is taken for a disc of radius 1."""

@@ -13,7 +13,7 @@ from torch import Tensor
 from pcsr import Objective
 from pcsr.metrics.chamfer import chamfer
 from pcsr_plugins.layers.options import Positive, Weight
-from pcsr_plugins.objectives.terms import matched_distance, repulsion
+from pcsr_plugins.layers.point_losses import matched_distance, repulsion
 
 
 class PUNetLoss(Objective):

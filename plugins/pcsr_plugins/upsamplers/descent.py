@@ -20,13 +20,14 @@ from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pcsr import Trait, Upsampler, Widths
+from pcsr import Trait, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.distance_regressor import DistanceRegressor
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.midpoints import interpolated
 from pcsr_plugins.layers.options import Cascade, Positive
-from pcsr_plugins.upsamplers.midpoint import interpolated
 
 STEP = 50 / (24 * 1024)
 """In radii of the patch, where the distance grows by one for each unit of the way."""
@@ -34,7 +35,7 @@ BEFORE = 0.02
 """The least distance that an untrained regressor gives: about what it is trained for."""
 
 
-class Descent(Upsampler):
+class Descent(DistanceRegressor):
     """Interpolates, then goes downhill."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})

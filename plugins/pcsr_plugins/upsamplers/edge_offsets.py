@@ -20,6 +20,7 @@ from torch.nn import functional as F
 from pcsr import Trait, Upsampler, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.heads import displacement_head
 from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames
 from pcsr_plugins.layers.options import Channels, NeighbourCount
 
@@ -57,10 +58,7 @@ class EdgeOffsets(Upsampler):
         self.there = nn.Linear(widths.refined, hidden, bias=False)
         self.edge = nn.Linear(SCALARS, hidden, bias=False)
         self.share = nn.Linear(2, hidden, bias=False)
-        last = nn.Linear(hidden, 2)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
-        self.mlp = nn.Sequential(nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
+        self.mlp = displacement_head(hidden, 2)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Set places out and move them: the points themselves, which stay, and `surplus`·rate·n more, or a few more."""

@@ -6,29 +6,19 @@ an MLP predicts how far to move, from the features of the nearest points. Before
 network *is* the interpolation.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-
-import numpy as np
 import torch
-from jaxtyping import Float, Int
-from torch import Tensor, nn
+from torch import nn
 
-from pcsr import Trait, Upsampler, UserError, Widths
+from pcsr import Trait, Upsampler, Widths
 from pcsr.geometry.farthest import farthest_points
-from pcsr.geometry.interpolation import Thin, midpoint
-from pcsr.geometry.neighbours import gather, knn
+from pcsr.geometry.neighbours import gather
 from pcsr.geometry.ordering import along, hilbert_order
-from pcsr.geometry.sampling import poisson_subset
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.heads import displacement_head
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.midpoints import evenly, interpolated
 from pcsr_plugins.layers.options import Channels
-
-SPACED = 8
-"""Neighbours whose mean distance is the spacing of the points."""
-LEAST = 1e-6
-"""The least spacing, where points coincide; the cloud's radius is 1."""
-TWICE = 16
-"""From this rate on, interpolating by its root twice is far better than once."""
+from pcsr_plugins.layers.spacing import spacing
 
 
 class Midpoint(Upsampler):
@@ -40,10 +30,7 @@ class Midpoint(Upsampler):
         super().__init__()
         self.carried = nn.Linear(widths.refined, hidden)
         self.placed = nn.Linear(4, hidden, bias=False)
-        last = nn.Linear(hidden, 3)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
-        self.mlp = nn.Sequential(nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
+        self.mlp = displacement_head(hidden, 3)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Interpolate and refine.
@@ -63,38 +50,3 @@ class Midpoint(Upsampler):
         placed = self.placed(torch.cat([way, nearest], dim=-1) / unit)
         dense: Dense = places + unit * self.mlp(mix(self.carried(features), near, weights) + placed)
         return dense
-
-
-def interpolated(points: Points, rate: int, thin: Thin = farthest_points) -> Dense:
-    """Midpoints of each cloud of a batch, as evaluation sets them beside the network. They have no gradient.
-
-    Raises:
-        UserError: a graph is to be exported, or a cloud has too few points for the rate.
-    """
-    if torch.compiler.is_exporting():
-        raise UserError(
-            "upsampler 'midpoint' interpolates by trees and farthest points, which no graph knows: export a network "
-            "with another upsampler, such as 'shuffle'"
-        )
-    passes = 2 if rate >= TWICE else 1
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        clouds = pool.map(
-            lambda cloud: torch.from_numpy(midpoint(cloud.double().numpy(), rate, passes, thin)), points.detach().cpu()
-        )
-        return torch.stack(list(clouds)).to(points)
-
-
-def evenly(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, " count"]:
-    """Blue noise instead of farthest points, for training: nearly as even, in a sixth of the time.
-
-    Of 8 clouds of 512, 16 times as many, farthest points take more than half as long as all else in a step of training.
-    """
-    return poisson_subset(points, count, np.random.default_rng(0))
-
-
-def spacing(points: Points) -> Float[Tensor, "b n 1"]:
-    """Mean distance of each point to its nearest neighbours; `LEAST` where they coincide."""
-    k = min(SPACED, points.shape[1] - 1)
-    ways = gather(points, knn(points, points, k + 1)[..., 1:]) - points.unsqueeze(2)
-    spaced: Tensor = ways.norm(dim=-1).mean(-1, keepdim=True)
-    return spaced.clamp_min(LEAST)

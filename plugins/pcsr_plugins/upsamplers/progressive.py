@@ -29,8 +29,7 @@ from torch.nn import functional as F
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import knn
 from pcsr.tensors import Dense, Features, Points
-from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
-from pcsr_plugins.encoders.linear import Linear
+from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConvStack
 from pcsr_plugins.layers.grid import EXTENT, grid
 from pcsr_plugins.layers.options import Channels, NeighbourCount
 
@@ -97,14 +96,13 @@ class Extractor(nn.Module):
 
     def __init__(self, encoded: int, growth: int, neighbours: int) -> None:
         super().__init__()
-        self.encoder = Linear(Widths(), channels=encoded)
-        self.backbone = DenseEdgeConvs(Widths(visual=encoded), growth=growth, between=2 * growth, neighbours=neighbours)
+        self.encoder = nn.ModuleDict({"layer": nn.Linear(3, encoded)})  # the weights' names are those of `linear`
+        self.backbone = DenseEdgeConvStack(encoded, 4, 3, growth, 2 * growth, neighbours)
         self.channels = self.backbone.channels
 
     def forward(self, points: Points) -> Features:
         """Features of each point."""
-        features: Features = self.backbone(points, self.encoder(points))
-        return features
+        return self.backbone.refined(self.encoder["layer"](points))
 
 
 class Expansion(nn.Module):

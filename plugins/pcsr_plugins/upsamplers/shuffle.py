@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.heads import zero_linear
 from pcsr_plugins.layers.options import Channels
 
 SPOKES = 8
@@ -38,10 +39,7 @@ class Shuffle(Upsampler):
                 f"upsampler 'shuffle' cuts the backbone's {widths.refined} channels into {widths.rate} equal pieces, "
                 f"which leaves {widths.refined % widths.rate} over: choose a rate that divides {widths.refined}"
             )
-        last = nn.Linear(hidden, 3)
-        if start == "neighbours":  # before training the output is the fan itself, which is no bad interpolation
-            nn.init.zeros_(last.weight)
-            nn.init.zeros_(last.bias)
+        last = zero_linear(hidden, 3) if start == "neighbours" else nn.Linear(hidden, 3)
         self.mlp = nn.Sequential(nn.Linear(widths.refined // widths.rate, hidden), nn.ReLU(), last)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import ShapeItem, UserError
 from pcsr.recipe.schema import options_model
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import hand, sensors
-from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit import Digit, hand, sensors
 
 CLOUD = np.zeros((1, 3))
 IDEAL = {"object_size": None, "depth_noise": 0.0}

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr_plugins.touch.noise import Noise, blurred, smooth_field
+from pcsr_plugins.touch.digit.noise import Noise, blurred, smooth_field
 
 PITCH = 0.2
 SHAPE = (50, 60)

@@ -5,9 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import sensors
-from pcsr_plugins.touch.places import Places
-from pcsr_plugins.touch.press import Finger
+from pcsr_plugins.touch.digit import sensors
+from pcsr_plugins.touch.digit.candidates import Places
+from pcsr_plugins.touch.digit.press import Finger
 
 SLAB = MeshRays(trimesh.creation.box((200, 200, 20)), None, "slab")
 TOP = np.array([3.0, -5.0, 10.0])
@@ -113,7 +113,7 @@ def test_what_parallel_rays_miss_is_not_pressed_deeper_than_the_press(monkeypatc
         return max(contact.seen[..., 2].max() for contact in seen)
 
     assert deepest() < 1.001
-    monkeypatch.setattr("pcsr_plugins.touch.press.CASTS", 1)
+    monkeypatch.setattr("pcsr_plugins.touch.digit.press.CASTS", 1)
     assert deepest() > 1.01, "without looking again it would be"
 
 
@@ -138,7 +138,7 @@ def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
             at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]
             quick = [finger.press(*one) for one in at]
             with monkeypatch.context() as patch:
-                patch.setattr("pcsr_plugins.touch.promising.FACES", 0)
+                patch.setattr("pcsr_plugins.touch.digit.visible_pixels.FACES", 0)
                 slow = [finger.press(*one) for one in at]
             for a, b in zip(quick, slow, strict=True):
                 assert (a is None) == (b is None)
