@@ -15,6 +15,8 @@ from pcsr.clouds.touch import coverage
 from pcsr.geometry.sampling import surface_points
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit.policies import PolicyOptions
+from pcsr_plugins.touch.digit.sensors import SensorOptions
 
 SENSORS = ("digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021")
 POLICIES = ("uniform", "spread", "sparse", "grasp")
@@ -52,13 +54,13 @@ if __name__ == "__main__":
         "sensor", "at 60 mm", "at 320 mm", title="contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"
     )
     for sensor in SENSORS:
-        digits = [Digit(sensor=sensor, object_size=size) for size in (60.0, 320.0)]
+        digits = [Digit(sensor=SensorOptions(use=sensor), object_size=size) for size in (60.0, 320.0)]
         found = [[touches for _, touches in felt(digit, parts[:24], 2) if touches] for digit in digits]
         table.add_row(sensor, *map(contacts, found))
     Console().print(table)
     table = Table("policy", *(str(k) for k in range(1, 6)), title="median share covered by 1 to 5 touches at 60 mm")
     for policy in POLICIES:
-        table.add_row(policy, *covered(Digit(policy=policy), parts)[0])
+        table.add_row(policy, *covered(Digit(policy=PolicyOptions(use=policy)), parts)[0])
     Console().print(table)
     table = Table(
         "longest side", *(str(k) for k in range(1, 6)), "contact in mm²", "refused", title="median share covered, digit"

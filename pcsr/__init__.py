@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
     from pcsr.model import Model, load
+    from pcsr.options import Choice, Options
     from pcsr.plugins.registry import Register
 
 __version__ = "0.1.0"
@@ -41,6 +42,7 @@ _HOMES = {
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",
+    **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
@@ -63,11 +65,13 @@ _HOMES = {
 
 __all__ = [
     "Backbone",
+    "Choice",
     "Encoder",
     "Fusion",
     "Grafted",
     "Model",
     "Objective",
+    "Options",
     "PcsrError",
     "PcsrWarning",
     "Register",

@@ -56,9 +56,10 @@ def explained(errors: Sequence[Mapping[str, Any]]) -> str:
     if wanted:
         said.insert(0, MUST + " or ".join(wanted))
     value = errors[0]["input"]
-    # A whole section says nothing of what a validator found in it.
-    got = "" if isinstance(value, Mapping) and not wanted else f", got {shown(value)}"
-    return f"{'; '.join(said)}{got}"
+    text = "; ".join(said)
+    # A whole section says nothing of what a validator found in it, and a validator may name the value itself.
+    known = (isinstance(value, str) and shown(value) in text) or (isinstance(value, Mapping) and not wanted)
+    return text if known else f"{text}, got {shown(value)}"
 
 
 MUST = "it must be "

@@ -31,6 +31,7 @@ FLOORS = {
     "pcsr.files": 0,
     "pcsr.inputs": 0,
     "pcsr.limits": 0,
+    "pcsr.options": 0,
     "pcsr.progress": 0,
     "pcsr.threads": 0,
     "pcsr.workers": 0,

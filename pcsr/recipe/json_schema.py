@@ -20,7 +20,7 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     for (section_name, key), kind in PARTS.items():
         definition = f"{kind}-part"
         if definition not in definitions:
-            definitions[definition] = {"anyOf": _choices(registry, kind)}
+            definitions[definition] = {"anyOf": _choices(registry, kind, definitions)}
         reference: dict[str, Any] = {"$ref": f"#/$defs/{definition}"}
         optional = (section_name, key) == ("model", "touch_encoder")
         properties = definitions[str(section_name).capitalize()]["properties"]
@@ -45,15 +45,20 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     return schema
 
 
-def _choices(registry: Registry, kind: str) -> list[dict[str, Any]]:
-    """The bare names, then each part with its options; they too may be left to the parent."""
+def _choices(registry: Registry, kind: str, definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The bare names, then each part with its options; they too may be left to the parent.
+
+    The schemas of groups of options go into `definitions`, under the name of kind, part and group.
+    """
     forms: list[dict[str, Any]] = []
     for name in registry.names(kind):
         try:
             part = registry.get(kind, name)
-            options = options_model(part).model_json_schema()
+            template = f"#/$defs/{kind}-{name}-{{model}}"
+            options = options_model(part).model_json_schema(ref_template=template)
         except Exception:  # not offered; `pcsr plugins` says why
             continue
+        definitions |= {f"{kind}-{name}-{group}": inner for group, inner in options.get("$defs", {}).items()}
         forms.append(
             {
                 "type": "object",

@@ -44,6 +44,9 @@ def _merge_into(keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> tup
     for key, value in above.items():
         here = (*keys, key)
         old = below.get(key)
+        if here[:2] in PARTS and len(here) > 2 and {type(old), type(value)} == {str, dict}:
+            old, value = _mapping(old), _mapping(value)
+            below[key] = old
         if isinstance(old, dict) and isinstance(value, dict) and not _other_part(here, old, value):
             kept.add(here)
             for all_of, inner in zip((kept, replaced), _merge_into(here, old, value), strict=True):
@@ -54,14 +57,19 @@ def _merge_into(keys: Keys, below: dict[str, Any], above: dict[str, Any]) -> tup
     return kept, replaced
 
 
+def _mapping(value: Any) -> dict[str, Any]:
+    """A choice among a part's options: a bare name is short for `{use: name}`."""
+    return {"use": value} if isinstance(value, str) else value
+
+
 def _inside(keys: Keys, replaced: set[Keys]) -> bool:
     """Whether a value, or one around it, is among those that were replaced."""
     return any(keys[:depth] in replaced for depth in range(1, len(keys) + 1))
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """The options of one part mean nothing to another."""
-    return keys in PARTS and "use" in new and new["use"] != old.get("use")
+    """The options of one part, or of one choice inside of a part, mean nothing to another."""
+    return keys[:2] in PARTS and "use" in new and new["use"] != old.get("use")
 
 
 def assign(source: Source, keys: Keys, value: Any, place: Place, name: Place | None = None) -> None:

@@ -85,7 +85,7 @@ def test_neither_the_order_of_touches_nor_that_of_their_points_matters(seed, hea
     random = torch.Generator().manual_seed(seed)
     a, m = torch.randperm(3, generator=random), torch.randperm(9, generator=random)
     other = TouchBatch(touches.points[:, a][:, :, m], touches.features[:, a][:, :, m], touches.mask[:, a])
-    fusion = made(heard=heard)
+    fusion = made(points_per_touch=heard)
     close(fusion(points, features, other), fusion(points, features, touches))
 
 
@@ -142,7 +142,7 @@ def test_only_the_nearest_are_heard():
 
 @torch.no_grad()
 def test_of_a_dense_touch_points_spread_over_it_are_heard():
-    fusion = made(heard=8)
+    fusion = made(points_per_touch=8)
     line = torch.zeros(1, 1, 800, 3)
     line[..., 0] = torch.linspace(0, 1, 800)
     felt, said, missing = fusion._thinned(TouchBatch(line, line.repeat(1, 1, 1, 2)[..., :4], torch.ones(1, 1).bool()))

@@ -61,13 +61,14 @@ def test_vision(rows):
     [("occlusion", ("sparse", "uniform"), "view"), ("policy", ("uniform", "spread", "sparse", "grasp"), "random")],
 )
 def test_policies_over_touches(rows, study, policies, sampling):
-    varied = [(r.data.touch.options["policy"], r.data.touches) for r in rows[study]]
+    varied = [(r.data.touch.options["policy"].use, r.data.touches) for r in rows[study]]
     assert varied == [(policy, touches) for policy in policies for touches in range(1, 6)]
     assert {(r.data.sampling, r.data.view.cameras) for r in rows[study]} == {(sampling, 1)}
 
 
 def test_sensor(rows):
-    options = [(r.data.touch.options["depth_noise"], r.data.touch.options["position_noise"]) for r in rows["sensor"]]
+    noises = [r.data.touch.options["noise"] for r in rows["sensor"]]
+    options = [(noise.depth_noise, noise.position_noise) for noise in noises]
     assert options == [(0.0, 0.0), (0.02, 0.0), (0.1, 0.0), (0.3, 0.0), (0.02, 0.5), (0.02, 1.0), (0.02, 2.0)]
     assert {r.data.touches for r in rows["sensor"]} == {4}
 

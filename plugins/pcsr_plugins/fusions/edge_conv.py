@@ -34,19 +34,19 @@ class EdgeConvFusion(Fusion):
     keeps_touched_points: ClassVar[bool] = True
 
     def __init__(
-        self, widths: Widths, *, neighbours: NeighbourCount = 12, heard: Count = 64, hidden: Channels = 64
+        self, widths: Widths, *, neighbours: NeighbourCount = 12, points_per_touch: Count = 64, hidden: Channels = 64
     ) -> None:
-        """Choose how many touched points are heard.
+        """Choose how many touched points send messages.
 
         Args:
             widths: of the features, from the host.
             neighbours: touched points that a visual point hears, the nearest ones.
-            heard: points of each touch that can be, spread evenly over it: nearly all of the nearest ones of a dense
-                touch would lie on one spot.
+            points_per_touch: points of each touch that can, spread evenly over it: nearly all of the nearest ones of
+                a dense touch would lie on one spot.
             hidden: channels of an edge.
         """
         super().__init__()
-        self.neighbours, self.heard = neighbours, heard
+        self.neighbours, self.points_per_touch = neighbours, points_per_touch
         self.here = nn.Linear(widths.visual, hidden)
         self.there = nn.Linear(widths.touch, hidden, bias=False)
         self.way = nn.Linear(4, hidden, bias=False)
@@ -74,7 +74,7 @@ class EdgeConvFusion(Fusion):
     def _thinned(self, touches: TouchBatch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Every so manieth point of each touch along its Hilbert curve, its features, and whether it is missing."""
         m, c = touches.features.shape[2:]
-        heard = min(self.heard, m)
+        heard = min(self.points_per_touch, m)
         step = torch.arange(heard, device=touches.points.device) * m // heard
         index = hilbert_order(touches.points)[..., step].unsqueeze(-1)  # (b a heard 1)
         felt = touches.points.gather(2, index.expand(-1, -1, -1, 3)).flatten(1, 2)

@@ -9,9 +9,10 @@ from pcsr import ShapeItem, UserError
 from pcsr.recipe.schema import options_model
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit, hand, sensors
+from tests.plugins.touch.plain_options import digit
 
 CLOUD = np.zeros((1, 3))
-IDEAL = {"object_size": None, "depth_noise": 0.0}
+IDEAL = {"object_size": None, "noise": {"depth_noise": 0.0}}
 SHAPES = {
     "sphere": trimesh.creation.icosphere(subdivisions=4, radius=20),
     "box": trimesh.creation.box((60, 40, 30)),
@@ -21,7 +22,7 @@ SHAPES = {
 
 
 def touch(mesh, count=1, seed=0, cloud=CLOUD, **options):
-    return Digit(**{**IDEAL, **options}).touches(ShapeItem("part-3", "part", mesh), cloud, count, seed)
+    return digit(**{**IDEAL, **options}).touches(ShapeItem("part-3", "part", mesh), cloud, count, seed)
 
 
 def in_sensor(touch):
@@ -192,19 +193,20 @@ def test_no_touches_is_none():
 @pytest.mark.parametrize(
     "wrong",
     [
-        '{"width": 0}',
+        '{"sensor": {"width": 0}}',
         '{"press": [0, 1]}',
-        '{"dome": [50]}',
+        '{"sensor": {"dome": [50]}}',
         '{"tilt": -1}',
         '{"sensor": "digt"}',
-        '{"fov": 180}',
-        '{"dome": "round"}',
+        '{"sensor": {"fov": 180}}',
+        '{"sensor": {"dome": "round"}}',
+        '{"noise": {"blur": -1}}',
+        '{"policy": {"tries": 0}}',
     ],
 )
 def test_a_recipe_gives_the_options_and_is_told_of_impossible_ones(wrong):
     model = options_model(Digit)
-    given = model.model_validate_json('{"object_size": 320, "press": [1, 2], "dome": [50, 23]}')
-    sensor = Digit(**given.model_dump())
+    sensor = digit(object_size=320, press=[1, 2], sensor={"dome": [50, 23]})
     assert (sensor.object_size, sensor.hand.press, sensor.hand.tilt) == (320.0, (1.0, 2.0), 5.0)
     with pytest.raises(ValueError, match=wrong.split('"')[1]):
         model.model_validate_json(wrong)
@@ -251,27 +253,27 @@ def test_every_sensor_without_noise_feels_the_mesh_itself(name, shape):
 
 
 def test_a_figure_of_ones_own_is_said_in_the_sensors_name():
-    changed = touch(SHAPES["box"], width=20.0, pixels=200)[0]
+    changed = touch(SHAPES["box"], sensor={"width": 20.0, "pixels": 200})[0]
     assert changed.sensor == "digit (changed)"
     assert np.abs(in_sensor(changed)[:, 0]).max() > 8
 
 
 def test_an_area_does_not_depend_on_the_pixels_but_a_count_does():
-    coarse = {"pixels": 40, "tilt": 0.0}
+    coarse = {"sensor": {"pixels": 40}, "tilt": 0.0}
     with pytest.raises(UserError, match="lower at_least or"):
         touch(SHAPES["sphere"], **coarse)
     plain = touch(SHAPES["sphere"], at_least_area=17.5, tilt=0.0)[0]
     few = touch(SHAPES["sphere"], at_least_area=17.5, **coarse)[0]
     assert few.contact_area == pytest.approx(plain.contact_area, rel=0.03)
     with pytest.raises(UserError, match=r"less contact than 190 mm².*lower at_least_area"):
-        touch(SHAPES["sphere"], at_least_area=190.0, tries=10)
+        touch(SHAPES["sphere"], at_least_area=190.0, policy={"tries": 10})
 
 
 @pytest.mark.parametrize("policy", ["uniform", "spread", "sparse", "grasp"])
-@pytest.mark.parametrize("noise", [{}, {"depth_noise": 0.1, "drift": 0.1, "rotation_noise": 1.0}])
+@pytest.mark.parametrize("noise", [{"depth_noise": 0.0}, {"depth_noise": 0.1, "drift": 0.1, "rotation_noise": 1.0}])
 def test_fewer_touches_are_a_prefix_whatever_the_policy(policy, noise):
     cloud = SHAPES["cylinder"].vertices[::7]
-    many, few, more = (touch(SHAPES["cylinder"], count, 5, cloud, policy=policy, **noise) for count in (3, 1, 3))
+    many, few, more = (touch(SHAPES["cylinder"], count, 5, cloud, policy=policy, noise=noise) for count in (3, 1, 3))
     assert len(few) == 1
     for a, b in [(many[0], few[0]), *zip(many, more, strict=True)]:
         assert np.array_equal(a.points, b.points)
@@ -324,14 +326,14 @@ def test_a_grasp_is_a_thumb_and_fingers_opposite_to_it():
 
 def test_fingers_too_far_apart_find_only_the_middle_one():
     cube = trimesh.creation.box((40, 40, 40))
-    (felt,) = touch(cube, policy="grasp", tilt=0.0, spacing=100.0, at_least_area=1.0)
+    (felt,) = touch(cube, policy={"use": "grasp", "spacing": 100.0}, tilt=0.0, at_least_area=1.0)
     assert len(felt.poses) == 2
     # Opposite to each face of an open prism is an edge, where little is felt.
     prism = trimesh.creation.cylinder(radius=40, height=200, sections=3)
     prism.update_faces(np.abs(prism.face_normals[:, 2]) < 0.5)
     assert touch(prism, tilt=0.0, at_least_area=100.0)
     with pytest.raises(UserError, match=r"\d+ with nothing to grasp on the other side"):
-        touch(prism, policy="grasp", tilt=0.0, at_least_area=100.0, tries=20)
+        touch(prism, policy={"use": "grasp", "tries": 20}, tilt=0.0, at_least_area=100.0)
 
 
 def test_a_surface_that_nothing_can_reach_is_refused_with_the_reasons():

@@ -3,7 +3,7 @@
 docs/touch.md describes the model and says where its figures come from.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -11,30 +11,23 @@ from pydantic import Field
 
 from pcsr import ShapeItem, Touch, TouchSource, UserError
 from pcsr.geometry.rays import MeshRays
-from pcsr_plugins.touch.digit import sensors
 from pcsr_plugins.touch.digit.hand import Hand
 from pcsr_plugins.touch.digit.noise import Noise
-from pcsr_plugins.touch.digit.policies import Policy
+from pcsr_plugins.touch.digit.policies import PolicyOptions
 from pcsr_plugins.touch.digit.press import CONTACT, Finger
+from pcsr_plugins.touch.digit.sensors import Length, SensorOptions
 
 # Limits that no sensor meets: what is beyond them would run on or take all memory.
-Side = Annotated[float, Field(ge=0.01, le=1000)]
-Length = Annotated[float, Field(gt=0, le=1000)]
-Depth = Annotated[float, Field(ge=0, le=1000)]
-Radius = Annotated[float, Field(gt=0, le=1e6)]
 Size = Annotated[float, Field(gt=0, le=1e9)]
 Area = Annotated[float, Field(gt=0, le=1e6)]
-Pixels = Annotated[int, Field(ge=1, le=4096)]
 Count = Annotated[int, Field(ge=1, le=1 << 20)]
-Tries = Annotated[int, Field(ge=1, le=10_000)]
 Tilt = Annotated[float, Field(ge=0, le=180)]
-Angle = Annotated[float, Field(gt=0, lt=180)]
-MOST_FELT = 1 << 22
+MOST_POINTS = 1 << 22
 """Points of all touches of an object."""
 
 
 class Digit(TouchSource):
-    """Touches at places of the surface that a policy chooses, by a sensor out of a table or one's own.
+    """Touches at points of the surface that a policy chooses, by a sensor out of a table or one's own.
 
     The pose of a touch maps the sensor's frame to the object's. The sensor's frame is in millimetres; its
     origin is the centre of the unpressed face, x runs along its width, y along its height, and z out of the
@@ -47,52 +40,21 @@ class Digit(TouchSource):
         self,
         *,
         object_size: Size | None = 60.0,
-        sensor: Literal["digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021"] = "digit",
-        projection: Literal["orthographic", "perspective"] | None = None,
-        width: Side | None = None,
-        height: Side | None = None,
-        pixels: Pixels | None = None,
-        fov: Angle | None = None,
-        distance: Length | None = None,
-        dome: tuple[Radius, Radius] | Literal["flat"] | None = None,
-        housing: tuple[Side, Side] | None = None,
-        protrusion: Depth | None = None,
-        senses: Literal["pressure", "proximity"] | None = None,
-        reach: Length | None = None,
+        sensor: SensorOptions = SensorOptions(),
         points: Count = 512,
         at_least: Count = 1000,
         at_least_area: Area | None = None,
         press: tuple[Length, Length] = (0.5, 1.5),
         tilt: Tilt = 5.0,
-        policy: Policy = "uniform",
-        spacing: Length = 20.0,
-        blur: Depth = 0.0,
-        drift: Depth = 0.0,
-        drift_length: Length = 4.0,
-        depth_noise: Depth = 0.02,
-        quantum: Depth = 0.0,
-        position_noise: Depth = 0.0,
-        rotation_noise: Tilt = 0.0,
-        tries: Tries = 100,
+        policy: PolicyOptions = PolicyOptions(),
+        noise: Noise = Noise(),
     ) -> None:
         """Choose the sensor and how it is used.
 
         Args:
             object_size: longest side of the object's bounding box, in mm: the mesh is taken to be that large.
                 None: the mesh's unit is the millimetre.
-            sensor: a preset. Each of its figures is an option of its own; None keeps the preset's.
-            projection: whether the sensor's rays are parallel or come from one camera.
-            width: of what an orthographic sensor sees of the face, in mm.
-            height: of the same, in mm.
-            pixels: along the width; pixels are square.
-            fov: vertical field of view of a perspective sensor, in degrees.
-            distance: from a perspective sensor's camera to the face, in mm.
-            dome: radii of the face along its width and height, in mm, or flat. A DIGIT: (50, 23).
-            housing: its sides along the width and the height, in mm.
-            protrusion: how far the face stands out of the housing, in mm.
-            senses: pressure (contact where the object presses into a gel) or proximity (contact where it is
-                within `reach` of a rigid face).
-            reach: of a proximity sensor beyond its face, in mm.
+            sensor: a preset, and the figures that replace its own.
             points: kept of each touch, drawn at random from the contact's pixels; where it has fewer, they
                 are repeated.
             at_least: pixels in contact that make a touch (TAPSR, Sec. 4.1).
@@ -100,57 +62,32 @@ class Digit(TouchSource):
             press: least and greatest depth that the finger is pressed, in mm.
             tilt: standard deviation of the angle between the sensor's axis and the surface normal, in
                 degrees; the angle is never more than twice that.
-            policy: which places are tried first: uniform (at random), spread (far from what was felt), sparse
-                (where the cloud and what was felt have fewest points) or grasp (at random, by a thumb and up
-                to three fingers opposite to it; one grasp is one touch).
-            spacing: between the axes of a grasp's fingers, in mm.
-            blur: standard deviation of a lateral Gaussian over the contact's heights, in mm.
-            drift: standard deviation of a slowly varying error of the heights, in mm.
-            drift_length: over which it varies, in mm.
-            depth_noise: standard deviation of each point's height, in mm.
-            quantum: step of the heights, in mm.
-            position_noise: standard deviation of the pose's error along each axis, in mm.
-            rotation_noise: standard deviation of the pose's error about each axis, in degrees.
-            tries: places tried for each touch before giving up.
+            policy: which candidates on the surface are tried first, and how many.
+            noise: of heights and poses.
 
         Raises:
             UserError: options that contradict each other.
         """
-        self.sensor = sensors.load(
-            sensor,
-            projection=projection,
-            width=width,
-            height=height,
-            pixels=pixels,
-            fov=fov,
-            distance=distance,
-            dome=dome,
-            housing=housing,
-            protrusion=protrusion,
-            senses=senses,
-            reach=reach,
-        )
+        self.sensor = sensor.sensor()
         if press[0] > press[1]:
             raise UserError(f"touch 'digit': press is {press}: give the least depth first")
         if press[1] <= CONTACT[1] and self.sensor.senses == "pressure":
             raise UserError(f"touch 'digit': press is {press}, but contact begins at {CONTACT[1]} mm: press deeper")
-        if blur > max(self.sensor.width, self.sensor.height):
+        if noise.blur > max(self.sensor.width, self.sensor.height):
             raise UserError(
-                f"touch 'digit': blur is {blur} mm, wider than the sensor's {self.sensor.width:.4g} × "
+                f"touch 'digit': blur is {noise.blur} mm, wider than the sensor's {self.sensor.width:.4g} × "
                 f"{self.sensor.height:.4g} mm: lower it"
             )
         self.object_size = object_size
         self.hand = Hand(
             finger=Finger(self.sensor),
-            noise=Noise(blur, drift, drift_length, depth_noise, quantum, position_noise, rotation_noise),
+            noise=noise,
             points=points,
             at_least=at_least,
             at_least_area=at_least_area,
             press=press,
             tilt=tilt,
             policy=policy,
-            spacing=spacing,
-            tries=tries,
         )
 
     def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
@@ -160,15 +97,15 @@ class Digit(TouchSource):
             UserError: the mesh has no surface, is smaller than the gel, or a touch found no place in `tries`; too many
                 points in all.
         """
-        if count * self.hand.points > MOST_FELT:
+        if count * self.hand.points > MOST_POINTS:
             raise UserError(
                 f"touch 'digit': {count} touches of {self.hand.points} points are {count * self.hand.points} points, "
-                f"more than {MOST_FELT}: take fewer touches, or lower points"
+                f"more than {MOST_POINTS}: take fewer touches, or lower points"
             )
         rays = MeshRays(item.mesh, self.object_size, item.name)
         self._check_size(rays, item.name)
         seen = (cloud - rays.to_object[:3, 3]) * rays.unit
-        if self.hand.policy == "sparse" and not np.isfinite(seen).all():
+        if self.hand.policy.use == "sparse" and not np.isfinite(seen).all():
             raise UserError(f"{item.name}: its cloud has a coordinate that is not finite: policy 'sparse' needs all")
         found: list[Touch] = []
         felt = np.zeros((0, 3))
@@ -176,8 +113,9 @@ class Digit(TouchSource):
         for number, places in enumerate(self.hand.places(rays, rngs)):
             touch = self.hand.touch(rays, places, seen, felt, rngs[number])
             if not isinstance(touch, Touch):
+                tries = self.hand.policy.tries
                 raise UserError(
-                    f"{item.name}: touch 'digit' found {number} of {count} touches, then none of {self.hand.tries} "
+                    f"{item.name}: touch 'digit' found {number} of {count} touches, then none of {tries} "
                     f"places would do ({', '.join(f'{times} {why}' for why, times in touch.items())}); at "
                     f"{rays.size:.4g} mm the object is too small, thin or hollow for sensor '{self.sensor.name}': "
                     f"raise object_size, lower {self.hand.rule[0]} or leave the object out"

@@ -11,7 +11,7 @@ from pcsr import Touch
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch.digit.candidates import Places
 from pcsr_plugins.touch.digit.noise import Noise
-from pcsr_plugins.touch.digit.policies import OPPOSING, Policy, opposing, order
+from pcsr_plugins.touch.digit.policies import OPPOSING, PolicyOptions, opposing, order
 from pcsr_plugins.touch.digit.press import Contact, Finger
 
 AT_ONCE = 1 << 14
@@ -29,9 +29,7 @@ class Hand:
     at_least_area: float | None
     press: tuple[float, float]
     tilt: float
-    policy: Policy
-    spacing: float
-    tries: int
+    policy: PolicyOptions
 
     @property
     def rule(self) -> tuple[str, str]:
@@ -42,9 +40,9 @@ class Hand:
 
     def places(self, rays: MeshRays, rngs: Sequence[np.random.Generator]) -> Iterator[Places]:
         """Where each of several touches may be tried; each has a random stream of its own."""
-        group = max(1, AT_ONCE // self.tries)
+        group = max(1, AT_ONCE // self.policy.tries)
         for start in range(0, len(rngs), group):
-            yield from Places.draw(rays, self.tries, self.tilt, self.press, rngs[start : start + group])
+            yield from Places.draw(rays, self.policy.tries, self.tilt, self.press, rngs[start : start + group])
 
     def touch(
         self,
@@ -66,11 +64,11 @@ class Hand:
         Returns:
             The touch in the object's own frame and unit, or how many places were refused for which reason.
         """
-        angles = rng.uniform(0, 2 * np.pi, self.tries)
-        depths = rng.uniform(*self.press, (self.tries, OPPOSING))
+        angles = rng.uniform(0, 2 * np.pi, self.policy.tries)
+        depths = rng.uniform(*self.press, (self.policy.tries, OPPOSING))
         possible = np.flatnonzero(places.open)
-        refused = Counter({"behind other parts of the object": self.tries - len(possible)})
-        for k in possible[order(self.policy, places.points[possible], felt, seen)]:
+        refused = Counter({"behind other parts of the object": self.policy.tries - len(possible)})
+        for k in possible[order(self.policy.use, places.points[possible], felt, seen)]:
             place, frame = places.points[k], places.frames[k]
             contact = self.finger.press(rays, place, frame, float(places.presses[k]))
             if contact is None:
@@ -80,8 +78,8 @@ class Hand:
                 refused[f"with less contact than {self.rule[1]}"] += 1
                 continue
             contacts = [contact]
-            if self.policy == "grasp":
-                starts, axes = opposing(place, frame, self.finger.sensor.housing, self.spacing, float(angles[k]))
+            if self.policy.use == "grasp":
+                starts, axes = opposing(place, frame, self.finger.sensor.housing, self.policy.spacing, float(angles[k]))
                 at = zip(starts, depths[k].tolist(), strict=True)
                 opposite = [self.finger.press(rays, start, axes, depth) for start, depth in at]
                 contacts += [other for other in opposite if other is not None and self._enough(other)]

@@ -3,34 +3,39 @@
 Every random term has a random stream of its own. Setting one changes nothing about the others.
 """
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float
+from pydantic import Field
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
+
+from pcsr import Options
 
 WAVES = 128
 """Plane waves that a drift field is made of."""
 
 
-@dataclass(frozen=True)
-class Noise:
-    """0 means: no such error."""
+Deviation = Annotated[float, Field(ge=0, le=1000)]
 
-    blur: float = 0.0
+
+class Noise(Options):
+    """Terms of the sensor's error; 0 means: no such error."""
+
+    blur: Deviation = 0.0
     """Standard deviation of a lateral Gaussian, in mm."""
-    drift: float = 0.0
+    drift: Deviation = 0.0
     """Standard deviation of a slowly varying error of the height, in mm."""
-    drift_length: float = 4.0
+    drift_length: Annotated[float, Field(gt=0, le=1000)] = 4.0
     """Over this distance, in mm, the correlation of the drift falls to exp(-1/2) = 0.61."""
-    depth_noise: float = 0.0
-    """Standard deviation of each pixel's height, in mm."""
-    quantum: float = 0.0
+    depth_noise: Deviation = 0.02
+    """Standard deviation of the height of each pixel, in mm."""
+    quantum: Deviation = 0.0
     """Step of the heights, in mm."""
-    position_noise: float = 0.0
+    position_noise: Deviation = 0.0
     """Standard deviation of the pose's error along each axis, in mm."""
-    rotation_noise: float = 0.0
+    rotation_noise: Annotated[float, Field(ge=0, le=180)] = 0.0
     """Standard deviation of the pose's error about each axis, in degrees."""
 
     def heights(

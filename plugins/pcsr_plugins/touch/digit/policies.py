@@ -1,10 +1,13 @@
 """Where to touch: in which order the candidates of a touch are tried, and where the fingers of a grasp go."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+from pydantic import Field
 from scipy.spatial import KDTree
+
+from pcsr import Choice
 
 Policy = Literal["uniform", "spread", "sparse", "grasp"]
 
@@ -12,6 +15,18 @@ NEIGHBOURS = 4
 """A place is as sparse as the mean distance to so many of the nearest known points."""
 OPPOSING = 3
 """Fingers that a grasp sets against its thumb."""
+
+
+class PolicyOptions(Choice):
+    """Which candidates are tried first, and how many."""
+
+    use: Policy = "uniform"
+    """uniform: at random. spread: far from points touched before. sparse: where the cloud and the points touched
+    before are sparsest. grasp: at random, by a thumb and up to three fingers opposite to it; one grasp is one touch."""
+    spacing: Annotated[float, Field(gt=0, le=1000)] = 20.0
+    """Distance between the axes of a grasp's fingers, in mm."""
+    tries: Annotated[int, Field(ge=1, le=10_000)] = 100
+    """Candidates tried for each touch before giving up."""
 
 
 def order(

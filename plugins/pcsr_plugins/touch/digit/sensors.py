@@ -5,9 +5,11 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pcsr import UserError
+from pydantic import AfterValidator, Field
+
+from pcsr import Choice, UserError
 from pcsr.errors import did_you_mean
 
 PERSPECTIVE = ("fov", "distance")
@@ -71,6 +73,56 @@ class Sensor:
 def names() -> list[str]:
     """The presets."""
     return list(_table())
+
+
+def _known(name: str) -> str:
+    if name not in _table():
+        raise ValueError(f"there is no sensor '{name}': {did_you_mean(name, _table())}")
+    return name
+
+
+# Limits that no sensor meets: what is beyond them would run on or take all memory.
+Side = Annotated[float, Field(ge=0.01, le=1000)]
+Length = Annotated[float, Field(gt=0, le=1000)]
+Radius = Annotated[float, Field(gt=0, le=1e6)]
+
+
+class SensorOptions(Choice):
+    """A preset of `sensors.toml`, and the figures that replace its own. None keeps the preset's."""
+
+    use: Annotated[str, AfterValidator(_known), Field(json_schema_extra=lambda schema: schema.update(enum=names()))] = (
+        "digit"
+    )
+    projection: Literal["orthographic", "perspective"] | None = None
+    """Whether the sensor's rays are parallel or come from one camera."""
+    width: Side | None = None
+    """Width of what an orthographic sensor sees of the face, in mm."""
+    height: Side | None = None
+    """Height of the same, in mm."""
+    pixels: Annotated[int, Field(ge=1, le=4096)] | None = None
+    """Number of pixels along the width; pixels are square."""
+    fov: Annotated[float, Field(gt=0, lt=180)] | None = None
+    """Vertical field of view of a perspective sensor, in degrees."""
+    distance: Length | None = None
+    """Distance from a perspective sensor's camera to the face, in mm."""
+    dome: tuple[Radius, Radius] | Literal["flat"] | None = None
+    """Radii of the face along its width and height, in mm, or flat. A DIGIT: (50, 23)."""
+    housing: tuple[Side, Side] | None = None
+    """Sides of the housing along the width and the height, in mm."""
+    protrusion: Annotated[float, Field(ge=0, le=1000)] | None = None
+    """How far the face stands out of the housing, in mm."""
+    senses: Literal["pressure", "proximity"] | None = None
+    """pressure: contact where the object presses into a gel. proximity: contact within `reach` of a rigid face."""
+    reach: Length | None = None
+    """Reach of a proximity sensor beyond its face, in mm."""
+
+    def sensor(self) -> Sensor:
+        """The preset with its replaced figures.
+
+        Raises:
+            UserError: figures that contradict each other.
+        """
+        return load(self.use, **{name: getattr(self, name) for name in type(self).model_fields if name != "use"})
 
 
 def figures(name: str) -> list[Figure]:
