@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
+        Baseline,
         Encoder,
         Fusion,
+        Metric,
         Objective,
         ShapeItem,
         ShapeSource,
@@ -47,8 +49,10 @@ _HOMES = {
     **dict.fromkeys(
         (
             "Backbone",
+            "Baseline",
             "Encoder",
             "Fusion",
+            "Metric",
             "ShapeItem",
             "Objective",
             "ShapeSource",
@@ -65,10 +69,12 @@ _HOMES = {
 
 __all__ = [
     "Backbone",
+    "Baseline",
     "Choice",
     "Encoder",
     "Fusion",
     "Grafted",
+    "Metric",
     "Model",
     "Objective",
     "Options",

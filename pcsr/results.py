@@ -3,7 +3,7 @@
 import datetime
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,17 @@ import pcsr
 from pcsr.data.dataset import Split
 from pcsr.experiments.evaluation import Scores
 from pcsr.files import save_tensors
-from pcsr.metrics import METRICS
+from pcsr.metrics import METRICS, Metric
 from pcsr.recipe import Recipe
 
 
-def gathered(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dict[str, Any]) -> dict[str, Any]:
+def gathered(
+    recipe: Recipe,
+    split: Split,
+    scores: Sequence[Scores],
+    source: dict[str, Any],
+    metrics: Mapping[str, Metric] = METRICS,
+) -> dict[str, Any]:
     """What `results.json` says of an evaluation.
 
     Args:
@@ -26,6 +32,7 @@ def gathered(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
         split: what it was measured on.
         scores: of each method, the recipe's own first.
         source: where the weights came from, and how they were trained.
+        metrics: by name, those of the recipe at least.
     """
     data = recipe.data
     return {
@@ -50,7 +57,7 @@ def gathered(recipe: Recipe, split: Split, scores: Sequence[Scores], source: dic
             "fingerprint": split.about["fingerprint"],
         },
         "metrics": {
-            name: {"description": METRICS[name].description, "scale": METRICS[name].scale}
+            name: {"description": metrics[name].description, "scale": metrics[name].scale}
             for name in recipe.evaluate.metrics
         },
         "objects": split.names,

@@ -4,6 +4,7 @@ The names cost nothing at run time. The tests switch on jaxtyping's checks, wher
 same letter within one call must have the same length.
 """
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
@@ -16,3 +17,5 @@ TouchFeatures = Float[Tensor, "b a m c"]
 TouchMask = Bool[Tensor, "b a"]
 
 Neighbours = Int[Tensor, "b n k"]
+
+Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]

@@ -55,6 +55,8 @@ SAME_FLOOR = {
     ("pcsr.contracts", "pcsr.clouds"),
     ("pcsr.plugins", "pcsr.contracts"),
     ("pcsr.metrics", "pcsr.clouds"),
+    ("pcsr.metrics", "pcsr.contracts"),
+    ("pcsr.metrics", "pcsr.plugins"),
     ("pcsr.grafting", "pcsr.network"),
     ("pcsr.testing", "pcsr.network"),
 }

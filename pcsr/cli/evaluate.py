@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, PLUGIN
 
 
 @click.command()
@@ -20,9 +20,16 @@ from pcsr.cli.options import FILE
     help="truth: the truth fills the unit sphere; each: each cloud fills its own, as in most papers; none: as it is.",
 )
 @click.option("--metric", "metrics", multiple=True, help="Which; by default all that can be measured.")
+@click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="A Python file with metrics.")
 @click.option("--json", "plain", is_flag=True, help="Print JSON, unscaled.")
 def evaluate(
-    prediction: Path, truth: Path, mesh: Path | None, frame: str, metrics: tuple[str, ...], plain: bool
+    prediction: Path,
+    truth: Path,
+    mesh: Path | None,
+    frame: str,
+    metrics: tuple[str, ...],
+    plugins: tuple[Path, ...],
+    plain: bool,
 ) -> None:
     """Measure a cloud beside the true one."""
     from rich import box
@@ -31,21 +38,20 @@ def evaluate(
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.formats.mesh import read_mesh
-    from pcsr.metrics import METRICS
     from pcsr.metrics.one_cloud import evaluate as measure
-    from pcsr.metrics.one_cloud import why_no_emd
+    from pcsr.metrics.one_cloud import named, why_no_emd
 
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)
-    values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
+    values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
         click.echo(f"left out: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))
         return
     table = Table("metric", "value", "what it is", box=box.SIMPLE_HEAD, caption=_frame(frame))
-    for name, value in values.items():
-        metric = METRICS[name]
+    for name, metric in named(list(values), plugins).items():
+        value = values[name]
         table.add_row(name, f"{value * metric.scale:.4g} ×10⁻³", metric.description)
     Console().print(table)
 

@@ -2,24 +2,21 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float
 
-from pcsr.contracts import ShapeSource
+from pcsr.contracts import Baseline, Metric, ShapeSource
 from pcsr.data.dataset import Split
 from pcsr.data.sample import felt_points, item_seed
-from pcsr.geometry.interpolation import midpoint
-from pcsr.geometry.sampling import poisson_points
-from pcsr.metrics import METRICS, Mesh
 from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.network.network import Network
-from pcsr.plugins.registry import Registry
+from pcsr.plugins.registry import FILE, Registry
 from pcsr.recipe import Recipe
+from pcsr.tensors import Mesh
 from pcsr.threads import deserved, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
@@ -34,10 +31,9 @@ class Method:
     name: str
     parameters: int
     upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
-    """Sparse cloud and touches, in one frame, to the dense cloud in that frame.
-
-    None: it is given neither, and samples the true surface (`floor`).
-    """
+    """Sparse cloud and touches, in one frame, to the dense cloud in that frame. None: see `bound`."""
+    bound: Baseline | None = None
+    """A baseline that is given the true surface too."""
 
 
 @dataclass(frozen=True)
@@ -58,45 +54,38 @@ class Scores:
     """The machine's load average of the minute before; None where the system has none."""
 
 
-def methods(recipe: Recipe, network: Network) -> list[Method]:
+def methods(recipe: Recipe, network: Network, registry: Registry) -> list[Method]:
     """The recipe's network and the baselines that it wants beside it."""
-    rate = recipe.data.rate
-    passes = 2 if rate >= 16 else 1  # 16x as 4x twice, as the field does it and as is much better
-    baselines = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes), "floor": None}
     ours = Method(
         recipe.name,
         network.parameter_count,
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
-    return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.baselines)]
+    return [ours, *(_beside(name, registry.get("baseline", name)(), recipe) for name in recipe.evaluate.baselines)]
 
 
-def needs_meshes(recipe: Recipe) -> bool:
-    """Whether a recipe is evaluated on the true surfaces, beside the clouds of its data."""
-    return "floor" in recipe.evaluate.baselines or _measured_on_meshes(recipe)
+def _beside(name: str, baseline: Baseline, recipe: Recipe) -> Method:
+    if baseline.needs_mesh:
+        return Method(name, 0, None, baseline)
+    rate, seed = recipe.data.rate, recipe.data_seed
+    return Method(
+        name, 0, lambda points, touches: baseline.upsample(points, rate, None, np.random.default_rng([seed, 1]))
+    )
 
 
-def _measured_on_meshes(recipe: Recipe) -> bool:
-    return any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
+def measured_by(recipe: Recipe, registry: Registry) -> dict[str, Metric]:
+    """The recipe's metrics by name."""
+    return {name: registry.get("metric", name)() for name in recipe.evaluate.metrics}
 
 
-def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
-    """The true surface sampled once more: the error that is left to an upsampler which knows the surface.
-
-    Blue noise that is independent of the truth, since its random numbers are another stream of the object's seed. An
-    upsampler may come a little below it where it keeps points of a sparse cloud that is a part of the truth.
+def bound_stream(seed: int, name: str) -> np.random.Generator:
+    """Random numbers of an object for a baseline that samples its surface: independent of those of the truth.
 
     Args:
-        mesh: the true surface, in the frame in which the cloud is wanted.
-        count: how many points.
         seed: of the data.
         name: the object's.
-
-    Raises:
-        UserError: the surface has no area.
     """
-    rng = np.random.default_rng([item_seed(seed, name), 1])
-    return poisson_points(trimesh.Trimesh(*mesh, process=False), count, rng)
+    return np.random.default_rng([item_seed(seed, name), 1])
 
 
 def evaluate(
@@ -122,6 +111,7 @@ def evaluate(
         jobs: processes that measure; all cores by default.
         advance: called whenever one object was upsampled or measured, 2·k times for each method.
     """
+    metrics = measured_by(recipe, registry)
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     made: list[_Timed] = []
@@ -137,15 +127,19 @@ def evaluate(
                     made[-1].add(method.upsample, points, touches)
                     if position == 0 and touches:
                         plain.add(method.upsample, points, [])
-                elif mesh is not None:
-                    made[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
+                elif method.bound is not None:
+                    stream = bound_stream(recipe.data_seed, split.names[i])
+                    made[-1].add(method.bound.upsample, points, recipe.data.rate, mesh, stream)
                 advance()
+    # What a plugin file brings has no name that another process could import it by.
+    here = {name: metric for name, metric in metrics.items() if registry.entries["metric", name].version == FILE}
+    anywhere = {name: metric for name, metric in metrics.items() if name not in here}
     tasks = [
-        _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
+        _Task(anywhere, cloud, truth.numpy(), mesh)
         for timed in made
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
-    measured = _measured(tasks, jobs, advance)
+    measured = _measured(tasks, here, jobs, advance)
     touch = _touch_effect(recipe, split, compared, made, plain) if plain.clouds else None
     scores: list[Scores] = []
     for method, timed, count in zip(compared, made, used, strict=True):
@@ -175,7 +169,7 @@ class _Timed:
 
 @dataclass(frozen=True)
 class _Task:
-    metrics: Sequence[str]
+    metrics: Mapping[str, Metric]
     dense: Cloud
     truth: Cloud
     mesh: Mesh | None
@@ -183,7 +177,9 @@ class _Task:
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Vertices and faces of each object in the truth's frame, only if a metric or a method asks for them."""
-    if not _measured_on_meshes(recipe) and all(method.upsample for method in compared):
+    if not any(registry.get("metric", name).needs_mesh for name in recipe.evaluate.metrics) and all(
+        method.upsample for method in compared
+    ):
         return [None] * len(split)
     shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)
@@ -212,19 +208,21 @@ def _touch_effect(
     )
 
 
-def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
-    """The metrics of each task, in order."""
+def _measured(
+    tasks: Sequence[_Task], here: Mapping[str, Metric], jobs: int | None, advance: Callable[[], None]
+) -> Iterator[dict[str, float]]:
+    """The metrics of each task, in order; those of `here` are measured in this process."""
     few = len(tasks) < 8  # starting processes costs more than it saves
     with worker_pool(1 if few else jobs) as workers:
-        for result in workers.map(_measure, tasks):
+        for task, result in zip(tasks, workers.map(_measure, tasks), strict=True):
             advance()
-            yield result
+            yield result | (_measure(replace(task, metrics=here)) if here else {})
 
 
 @threads(1)
 def _measure(task: _Task) -> dict[str, float]:
-    prediction, truth = _tensor(task.dense)[None], _tensor(task.truth)[None]
-    return {name: METRICS[name](prediction, truth, task.mesh) for name in task.metrics}
+    prediction, truth = _tensor(task.dense), _tensor(task.truth)
+    return {name: metric.measure(prediction, truth, task.mesh) for name, metric in task.metrics.items()}
 
 
 def _tensor(cloud: Cloud) -> Float[torch.Tensor, "n 3"]:

@@ -12,7 +12,7 @@ from pcsr import report
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import evaluate, methods, needs_meshes
+from pcsr.experiments.evaluation import evaluate, measured_by, methods
 from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
@@ -35,11 +35,14 @@ def packages(recipe: Recipe, registry: Registry, place: Place) -> dict[str, str]
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
+    for kind, names in (("metric", recipe.evaluate.metrics), ("baseline", recipe.evaluate.baselines)):
+        for name in names:
+            needed |= dict.fromkeys(sorted(registry.get(kind, name).needs), f"{kind} '{name}'")
     if recipe.weights is None:
         needed |= recipe.train.objective.needs(registry, "objective")
     if not place.data:
         needed |= data_packages(recipe, registry)
-    elif needs_meshes(recipe):
+    elif recipe.measured_on_meshes(registry):
         needed |= recipe.data.shapes.needs(registry, "shapes")
     return needed
 
@@ -65,10 +68,10 @@ def run(recipe: Recipe, registry: Registry, place: Place, console: Console) -> d
         if recipe.evaluate.objects is not None:
             test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
-        compared = methods(recipe, network)
+        compared = methods(recipe, network, registry)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
         scores = evaluate(recipe, registry, compared, test, jobs=place.jobs, advance=lambda: progress.advance(task))
-    results = gathered(recipe, test, scores, source)
+    results = gathered(recipe, test, scores, source, measured_by(recipe, registry))
     save_examples(folder / EXAMPLES, recipe, test, scores)
     write_text(folder / RESULTS, json.dumps(results, indent=1))
     report.write(folder)

@@ -1,6 +1,7 @@
 """One cloud beside the true one: every metric by its name, in a frame that is said."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,13 @@ from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
 from pcsr.clouds.formats.mesh import check_faces
+from pcsr.contracts import Metric
 from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import METRICS, Mesh
+from pcsr.metrics import METRICS
 from pcsr.metrics.emd import check_sizes
+from pcsr.plugins.loading import load_plugins
+from pcsr.tensors import Mesh
 from pcsr.threads import threads
 
 LARGEST, SMALLEST = 1e150, 1e-150
@@ -21,7 +25,13 @@ UNCHANGED = UnitSphere(np.zeros(3), 1.0)
 
 
 def evaluate(
-    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | str | None = None
+    prediction: Any,
+    truth: Any,
+    mesh: Any = None,
+    *,
+    frame: str = "truth",
+    metrics: Sequence[str] | str | None = None,
+    plugins: Sequence[str | Path] = (),
 ) -> dict[str, float]:
     """Every metric of a cloud by its name, unscaled.
 
@@ -32,7 +42,8 @@ def evaluate(
         frame: "truth": all are scaled so that the truth fills the unit sphere, as in pcsr's own tables; "each": each
             cloud fills its own, as in most published tables (`p2f` then stays in the mesh's unit); "none".
         metrics: their names; by default all that can be measured: `p2f` with a mesh, `emd` of clouds of one size, which
-            above 1024 points takes the extra `[train]`.
+            above 1024 points takes the extra `[train]`. Those of plugins are measured where they are named.
+        plugins: Python files with metrics.
 
     Raises:
         UserError: an unknown name or frame, a metric that cannot be measured, points that are not finite, or clouds of
@@ -42,32 +53,40 @@ def evaluate(
     frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
     if frame not in frames:
         raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
-    metrics = [metrics] if isinstance(metrics, str) else metrics
     surface = _surface(mesh)
     if metrics is None:
         left_out = {"emd"} if why_no_emd(*map(len, clouds)) else set()
         metrics = [
             name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and name not in left_out
         ]
+    chosen = named([metrics] if isinstance(metrics, str) else metrics, plugins)
     spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [UNCHANGED] * 2
     scaled = [_scaled(cloud, sphere, frame) for cloud, sphere in zip(clouds, spheres, strict=True)]
-    tensors = [torch.from_numpy(cloud)[None] for cloud in scaled]
+    judged, true = (torch.from_numpy(cloud) for cloud in scaled)
     values = {}
     with threads(1):
-        for name in metrics:
-            if name not in METRICS:
-                raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
-            metric = METRICS[name]
+        for name, metric in chosen.items():
             if metric.needs_mesh and frame == "each":
                 _scaled(surface[0] if surface else clouds[0], UNCHANGED, "none")
-                values[name] = metric(
-                    torch.from_numpy(_scaled(clouds[0], UNCHANGED, "none"))[None], tensors[1], surface
-                )
+                unscaled = torch.from_numpy(_scaled(clouds[0], UNCHANGED, "none"))
+                values[name] = metric.measure(unscaled, true, surface)
             elif metric.needs_mesh and surface is not None:
-                values[name] = metric(tensors[0], tensors[1], (_scaled(surface[0], spheres[1], frame), surface[1]))
+                values[name] = metric.measure(judged, true, (_scaled(surface[0], spheres[1], frame), surface[1]))
             else:
-                values[name] = metric(tensors[0], tensors[1], surface)
+                values[name] = metric.measure(judged, true, surface)
     return values
+
+
+def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str, Metric]:
+    """Metrics by name: those of pcsr, of installed plugins and of plugin files.
+
+    Raises:
+        UserError: there is none of this name, or a plugin that is asked for it cannot be loaded.
+    """
+    if not plugins and set(names) <= METRICS.keys():
+        return {name: METRICS[name] for name in names}
+    registry = load_plugins([Path(file) for file in plugins])
+    return {name: registry.get("metric", name)() for name in names}
 
 
 def why_no_emd(prediction: int, truth: int) -> str:

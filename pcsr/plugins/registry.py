@@ -21,6 +21,8 @@ KINDS = {
     "objective": "Objective",
     "touch": "TouchSource",
     "shapes": "ShapeSource",
+    "metric": "Metric",
+    "baseline": "Baseline",
 }
 """Each kind of part and the name of its class in pcsr.contracts (which imports torch; this file does not)."""
 OURS = "pcsr"
@@ -207,3 +209,11 @@ class Register:
     def shapes(self, name: str, part: type | str) -> None:
         """Register a source of shapes."""
         self._add("shapes", name, part)
+
+    def metric(self, name: str, part: type | str) -> None:
+        """Register a metric."""
+        self._add("metric", name, part)
+
+    def baseline(self, name: str, part: type | str) -> None:
+        """Register a baseline."""
+        self._add("baseline", name, part)

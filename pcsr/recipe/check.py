@@ -12,7 +12,7 @@ from pcsr.mistakes import explained, shown
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
-from pcsr.recipe.part_keys import MODEL, PARTS
+from pcsr.recipe.part_keys import MODEL, NAMES, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Recipe, options_model
 from pcsr.recipe.source import Keys, Mistake, Place, RecipeError, Source
 
@@ -46,6 +46,8 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
             else:
                 section[keys[1]] = {"use": written["use"], "options": _options(written)}
     data["code"] = _code(data, registry, parts)
+    if set(parts) == PARTS.keys():
+        mistakes += _unknown_names(source, registry)
     recipe: Recipe | None = None
     try:
         recipe = Recipe.model_validate(data)
@@ -227,6 +229,21 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
         text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
         found.append(Mistake(source.place(("model", "touch_encoder")), text))
+    return found
+
+
+def _unknown_names(source: Source, registry: Registry) -> list[Mistake]:
+    """Metrics and baselines that are written and not registered, or cannot be loaded."""
+    found = []
+    for (section, key), kind in NAMES.items():
+        written = source.data.get(section)
+        names = written.get(key) if isinstance(written, dict) else None
+        for index, name in enumerate(names if isinstance(names, list | tuple) else ()):
+            try:
+                if isinstance(name, str):
+                    registry.get(kind, name)
+            except UserError as error:
+                found.append(Mistake(source.place((section, key, index)), f"{section}.{key}.{index}: {error}"))
     return found
 
 

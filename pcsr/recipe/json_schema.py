@@ -3,7 +3,7 @@
 from typing import Any
 
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import NAMES, PARTS
 from pcsr.recipe.schema import Recipe, options_model
 
 
@@ -25,6 +25,8 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         optional = (section_name, key) == ("model", "touch_encoder")
         properties = definitions[str(section_name).capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
+    for (section_name, key), kind in NAMES.items():
+        definitions[section_name.capitalize()]["properties"][key]["items"] = {"enum": registry.names(kind)}
     del schema["properties"]["code"]  # nobody writes it
     schema["properties"] |= {
         "weights": {

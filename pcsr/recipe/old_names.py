@@ -125,11 +125,9 @@ def _modernize_dotted(source: Source, keys: Keys, mapping: Any) -> list[str]:
     """The dotted keys of a mapping at `keys`."""
     if not isinstance(mapping, dict):
         return []
-    notes = []
-    for old in [key for key in mapping if isinstance(key, str) and modern_key(key) != key]:
-        if _move(source, (*keys, old), (*keys, modern_key(old))):
-            notes.append(f"{old} is now {modern_key(old)}")
-    return notes
+    old_keys = [key for key in mapping if isinstance(key, str) and modern_key(key) != key]
+    moved = [old for old in old_keys if _move(source, (*keys, old), (*keys, modern_key(old)))]
+    return [f"{old} is now {modern_key(old)}" for old in moved]
 
 
 def _move(source: Source, old: Keys, new: Keys) -> bool:

@@ -13,5 +13,7 @@ PARTS: dict[Keys, str] = {
     ("train", "objective"): "objective",
 }
 """The keys at which a recipe names a part, with the part's kind. A bare name is short for `{use: name}` there."""
+NAMES = {("evaluate", "metrics"): "metric", ("evaluate", "baselines"): "baseline"}
+"""The keys of lists of parts that take no options, with their kind."""
 DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
 """Keys of the parts that building data needs, and of the network's parts, which are all that inference needs."""

@@ -146,5 +146,7 @@ TRAITS: dict[str, frozenset[Trait]] = {
     "objective": frozenset(),
     "touch": frozenset(),
     "shapes": frozenset(),
+    "metric": frozenset(),
+    "baseline": frozenset(),
 }
 """What each kind can claim."""

@@ -54,3 +54,12 @@ def pcsr_register(register: Register) -> None:
     register.shapes("blobs", "pcsr_plugins.shapes.blobs:Blobs")
     register.shapes("cad-parts", "pcsr_plugins.shapes.cad_parts:CadParts")
     register.shapes("meshes", "pcsr_plugins.shapes.meshes:Meshes")
+
+    register.metric("cd", "pcsr.metrics:Chamfer")
+    register.metric("hd", "pcsr.metrics:Hausdorff")
+    register.metric("hd-pugcn", "pcsr.metrics:HausdorffPUGCN")
+    register.metric("emd", "pcsr.metrics:EarthMovers")
+    register.metric("p2f", "pcsr.metrics:PointToFace")
+
+    register.baseline("midpoint", "pcsr_plugins.baselines.midpoint:Midpoint")
+    register.baseline("floor", "pcsr_plugins.baselines.floor:Floor")

@@ -9,13 +9,15 @@ import trimesh
 
 from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
-from pcsr.experiments.evaluation import Method, evaluate, floor, methods
+from pcsr.experiments.evaluation import Method, bound_stream, evaluate, measured_by, methods
 from pcsr.metrics import METRICS
 from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.results import gathered
 from pcsr.threads import EACH
+from pcsr_plugins.baselines.floor import Floor
+from tests.experiments.test_brought_metrics import PLUGIN
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = [
@@ -159,7 +161,7 @@ def test_the_region_is_what_counts_as_felt(recipe, registry, split):
 
 def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe, registry, split):
     network = build(recipe, registry).eval()
-    compared = methods(recipe, network)
+    compared = methods(recipe, network, registry)
     assert [method.name for method in compared] == ["smoke", "midpoint", "floor"]
     scores = evaluate(recipe, registry, compared, split, jobs=1)
     last = scores[-1]
@@ -180,6 +182,10 @@ def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe
 def test_the_floor_follows_the_name_and_the_seed():
     ball = trimesh.creation.icosphere(2)
     mesh = np.asarray(ball.vertices), np.asarray(ball.faces)
+
+    def floor(mesh, count, seed, name):
+        return Floor().upsample(np.zeros((count, 3)), 1, mesh, bound_stream(seed, name))
+
     one = floor(mesh, 100, 3, "a")
     assert one.shape == (100, 3)
     np.testing.assert_array_equal(floor(mesh, 100, 3, "a"), one)
@@ -193,10 +199,27 @@ def test_meshes_are_loaded_for_who_needs_them_only(recipe, registry, split, monk
     original = shapes.item
     monkeypatch.setattr(shapes, "item", lambda self, name: loaded.append(name) or original(self, name))
     cheap = recipe.model_copy(update={"evaluate": recipe.evaluate.model_copy(update={"metrics": ("cd",)})})
-    compared = methods(recipe, build(recipe, registry).eval())
+    compared = methods(recipe, build(recipe, registry).eval(), registry)
     evaluate(cheap, registry, compared[1:2], split, jobs=1)
     assert loaded == []
     evaluate(cheap, registry, compared[1:], split, jobs=1)
     assert loaded == split.names
     evaluate(recipe, registry, compared[:2], split, jobs=1)
     assert loaded == 2 * split.names
+
+
+def test_a_metric_and_a_baseline_of_a_plugin_file_are_in_the_results(world, split, tmp_path):
+    (tmp_path / "extent.py").write_text(PLUGIN)
+    registry = load_plugins([world, tmp_path / "extent.py"])
+    settings = [*SETTINGS, "evaluate.metrics=[cd, extent]", "evaluate.baselines=[copies]"]
+    (recipe,) = load(ROOT / "recipes/smoke.yaml", registry, settings)
+    compared = methods(recipe, build(recipe, registry).eval(), registry)
+    scores = evaluate(recipe, registry, compared, split, jobs=1)
+    results = gathered(recipe, split, scores, {}, measured_by(recipe, registry))
+    assert results["metrics"]["extent"] == {"description": "difference of the extents along x", "scale": 10}
+    assert [method["name"] for method in results["methods"]] == ["smoke", "copies"]
+    extents = [
+        abs(float(cloud[:, 0].max() - truth[:, 0].max()))
+        for cloud, truth in zip(scores[1].dense, split.truth, strict=True)
+    ]
+    assert results["methods"][1]["values"]["extent"] == pytest.approx(extents)

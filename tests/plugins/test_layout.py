@@ -15,9 +15,11 @@ FOLDERS = {
     "objective": "objectives",
     "touch": "touch",
     "shapes": "shapes",
+    "baseline": "baselines",
 }
 PLUGINS = Path(__file__).parents[2] / "plugins" / "pcsr_plugins"
-ENTRIES = [entry for entry in load_plugins() if entry.owner == "pcsr"]
+ENTRIES = [entry for entry in load_plugins() if entry.owner == "pcsr" and entry.kind != "metric"]
+"""Without the metrics, which are those of `pcsr.metrics`."""
 MODULES = {str(entry.target).partition(":")[0] for entry in ENTRIES}
 EXTENDS = {("pcsr_plugins.fusions.joint_cloud", "pcsr_plugins.fusions.none")}
 """A part that is another one and more."""

@@ -50,7 +50,7 @@ def test_untrained_it_is_the_interpolation_that_evaluation_sets_beside_it(rate):
     points, features = torch.randn(2, 40, 3), torch.randn(2, 40, 6)
     registry = load_plugins()
     (recipe,) = load(RECIPE, registry, [f"data.rate={rate}"])
-    beside = methods(recipe, build(recipe, registry))[1]
+    beside = methods(recipe, build(recipe, registry), registry)[1]
     assert beside.name == "midpoint"
     dense = Midpoint(Widths(refined=6)).eval()(points, features, rate)
     for ours, cloud in zip(dense, points, strict=True):
