@@ -15,7 +15,7 @@ NUMERIC := tests/benchmarks tests/geometry tests/grafting tests/metrics tests/pl
 .PHONY: run test test-numeric check bench clean
 
 run: .venv/.installed
-	$(BIN)/pcsr run recipes/pretrained.yaml
+	$(BIN)/pcsr run pretrained
 
 test: .venv/.installed
 	$($(PROCESSOR)) $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)

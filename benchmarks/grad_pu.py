@@ -21,7 +21,7 @@ from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-RECIPE = Path(__file__).parents[1] / "recipes" / "grad-pu.yaml"
+RECIPE = Path(__file__).parents[1] / "pcsr/recipes" / "grad-pu.yaml"
 SOURCE = "He et al., Grad-PU, CVPR 2023; github.com/yunhe20/Grad-PU, Apache-2.0"
 
 LAYER = r"feature_extractor\.dense_blocks\.(\d)\.0\.dense_layers\.(\d)\."

@@ -24,7 +24,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.weights import DEFAULT
 
-RECIPE = Path(__file__).parents[1] / "recipes" / "touch" / "occlusion.yaml"
+RECIPE = Path(__file__).parents[1] / "pcsr/recipes" / "touch" / "occlusion.yaml"
 
 
 def samples(touches: int, settings: Sequence[str]) -> list[Sample]:

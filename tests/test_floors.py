@@ -20,6 +20,7 @@ FLOORS = {
     "pcsr.data": 3,
     "pcsr.testing": 3,
     "pcsr.recipe": 2,
+    "pcsr.recipes": 1,
     "pcsr.recorded": 2,
     "pcsr.plugins": 1,
     "pcsr.contracts": 1,

@@ -15,7 +15,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.results import gathered, save_examples
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes" / "smoke.yaml"
 OBJECTS = 3
 
 

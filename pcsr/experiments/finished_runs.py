@@ -45,7 +45,7 @@ def of_recipe(recipe: Recipe, data: str, runs: Path, folder: Path) -> tuple[Path
     alike = sorted(runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
-        (weights.shipped(recipe.name), "shipped weights"),
+        *((weights.shipped(name), "shipped weights") for name in weights.names()),
         *((path, "another run of this recipe") for path in alike),
     ):
         if path.exists():

@@ -11,6 +11,7 @@ from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import MOST_TOLD, Keys, Mistake, Place, RecipeError, Source
+from pcsr.recipes import found
 
 __all__ = [
     "DATA",
@@ -40,7 +41,7 @@ def load(
     """Read and check a recipe; one recipe for each row of its matrix, and for each recipe that it names.
 
     Args:
-        path: the recipe's file.
+        path: the recipe's file, or the name of one that comes with pcsr.
         registry: the parts that it may name.
         overrides: each `dotted.key=value`, the value in YAML.
         axes: dotted keys with values to vary, as in a matrix.
@@ -51,7 +52,7 @@ def load(
     """
     recipes = []
     mistakes: set[Mistake] = set()
-    for source in compose(path, overrides, axes or {}):
+    for source in compose(found(path), overrides, axes or {}):
         try:
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:

@@ -251,11 +251,11 @@ DEFAULTS: dict[str, Any] = {
         "touch_encoder": {"use": "unet", "channels": 32},
         "fusion": {"use": "iterative"},
         "backbone": {"use": "pu-transformer"},
-        "upsampler": {"use": "shuffle"},
+        "upsampler": {"use": "shuffle", "start": "neighbours"},
     },
     "train": {"objective": {"use": "chamfer"}},
 }
-"""Parts that need not be named. A recipe without a `model` gets TAPSR's; one with a model names its parts."""
+"""Parts that need not be named. A recipe without a `model` gets that of `recipes/tapsr.yaml`; one with a model names its parts."""
 
 
 def _flat(node: Any) -> Any:

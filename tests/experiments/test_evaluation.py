@@ -33,7 +33,7 @@ def registry(world):
 
 @pytest.fixture(scope="module")
 def recipe(registry):
-    return load(ROOT / "recipes/smoke.yaml", registry, SETTINGS)[0]
+    return load(ROOT / "pcsr/recipes/smoke.yaml", registry, SETTINGS)[0]
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
 
 
 def test_without_touches_there_is_no_second_time(registry, split):
-    (recipe,) = load(ROOT / "recipes/smoke.yaml", registry, [*SETTINGS, "data.touches=0"])
+    (recipe,) = load(ROOT / "pcsr/recipes/smoke.yaml", registry, [*SETTINGS, "data.touches=0"])
     ours = Asked()
     (scores,) = evaluate(recipe, registry, [Method("ours", 5, ours)], split, jobs=1)
     assert ours.touches == [[]] * 3
@@ -212,7 +212,7 @@ def test_a_metric_and_a_baseline_of_a_plugin_file_are_in_the_results(world, spli
     (tmp_path / "extent.py").write_text(PLUGIN)
     registry = load_plugins([world, tmp_path / "extent.py"])
     settings = [*SETTINGS, "evaluate.metrics=[cd, extent]", "evaluate.baselines=[copies]"]
-    (recipe,) = load(ROOT / "recipes/smoke.yaml", registry, settings)
+    (recipe,) = load(ROOT / "pcsr/recipes/smoke.yaml", registry, settings)
     compared = methods(recipe, build(recipe, registry).eval(), registry)
     scores = evaluate(recipe, registry, compared, split, jobs=1)
     results = gathered(recipe, split, scores, {}, measured_by(recipe, registry))

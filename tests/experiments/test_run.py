@@ -37,7 +37,7 @@ def registry():
 
 @pytest.fixture(scope="module")
 def recipe(registry):
-    return load(ROOT / "recipes/smoke.yaml", registry, TINY)[0]
+    return load(ROOT / "pcsr/recipes/smoke.yaml", registry, TINY)[0]
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, spl
 
 def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
     overrides = [*TINY, "model.fusion=none", "model.touch_encoder=null"]
-    network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
+    network = build(load(ROOT / "pcsr/recipes/smoke.yaml", registry, overrides)[0], registry)
     points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
     with torch.no_grad():
         whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
@@ -136,7 +136,7 @@ def test_weights_round_trip_and_misfits_are_named(recipe, registry, tmp_path):
 def test_shipped_weights_are_those_of_their_recipe(name, registry):
     path = ROOT / f"pcsr/weights/{name}.safetensors"
     _, recipe, card = load_weights(path, registry)
-    (written,) = load(ROOT / f"recipes/shipped/{name}.yaml", registry)
+    (written,) = load(ROOT / f"pcsr/recipes/shipped/{name}.yaml", registry)
     assert (recipe.model, recipe.train, recipe.seed) == (written.model, written.train, written.seed)
     assert card["fingerprint"] == recipe.fingerprint
     assert len(card["data"]) == len(recipe.joined) == 3  # of each data set what it is, for the model card
@@ -158,7 +158,7 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     command = [
         str(Path(sys.executable).with_name("pcsr")),
         "run",
-        str(ROOT / "recipes/smoke.yaml"),
+        str(ROOT / "pcsr/recipes/smoke.yaml"),
         "--runs",
         str(tmp_path / "r"),
     ]
@@ -179,7 +179,7 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
 def test_two_processes_train_the_weights_of_one(tmp_path):
     small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
     pcsr = str(Path(sys.executable).with_name("pcsr"))
-    arguments = [pcsr, "run", str(ROOT / "recipes/smoke.yaml"), "--device", "cpu"]
+    arguments = [pcsr, "run", str(ROOT / "pcsr/recipes/smoke.yaml"), "--device", "cpu"]
     arguments += [word for setting in [*TINY[:4], "train.batch=4", *small] for word in ("--set", setting)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
@@ -210,7 +210,7 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     call("data", "make", "balls", "-o", tmp_path / "data", *made)
     before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
     small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
-    run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
+    run = ("run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
     assert "midpoint" in call(*run, *small)
     (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
     told = json.loads(results.read_text())
@@ -314,7 +314,7 @@ def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, fini
 )
 def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, built, needed):
     plain = [one for one in settings if not one.startswith("weights")]
-    one = load(ROOT / "recipes/smoke.yaml", registry, [*TINY, *plain])[0]
+    one = load(ROOT / "pcsr/recipes/smoke.yaml", registry, [*TINY, *plain])[0]
     if plain != settings:
         one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
     place = Place(data=(Path("data"),) if built else ())

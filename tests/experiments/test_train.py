@@ -24,7 +24,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Entry
 from pcsr.recipe import Recipe, load
 
-SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 TINY = f"""\
 extends: {SMOKE.as_posix()}
 name: tiny

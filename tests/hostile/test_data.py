@@ -14,7 +14,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 BUILT = Path(__file__).parents[1] / "data" / "version_0_1"
-RECIPE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+RECIPE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 NAMES = [f"{split}-00000.safetensors" for split in ("train", "validation", "test")]
 
 

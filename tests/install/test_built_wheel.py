@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pcsr import weights
+from pcsr import recipes, weights
 
 ROOT = Path(__file__).parents[2]
 pytest.importorskip("hatch_fancy_pypi_readme", reason="`make test` installs what builds a wheel")
@@ -44,6 +44,7 @@ def test_it_holds_every_file_of_the_packages(wheel):
     assert {f"pcsr/weights/{name}.safetensors" for name in weights.names()} <= packed
     assert {"pcsr/report/page.css", "pcsr/report/page.js", "pcsr/py.typed", "pcsr_plugins/py.typed"} <= packed
     assert "pcsr_plugins/touch/digit/sensors.toml" in packed
+    assert {f"pcsr/recipes/{name}.yaml" for name in recipes.names()} <= packed
     assert any(name.startswith("pcsr/cli/templates/") for name in packed)
 
 

@@ -14,7 +14,7 @@ from pcsr.network.network import Network, _first, build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 
-SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 # From `neighbours` the upsampler starts with weights of zero, which would hide what comes before it.
 TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=point")
 NO_FUSION = ("model.fusion=none", "model.touch_encoder=null")

@@ -21,7 +21,7 @@ from pcsr_plugins.layers.spacing import LEAST
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import curved, grid, rotation, slow_edge, slow_frame
 
-RECIPE = Path(__file__).parents[2] / "recipes" / "frames.yaml"
+RECIPE = Path(__file__).parents[2] / "pcsr/recipes" / "frames.yaml"
 RATE = 4
 SEEDS = st.integers(0, 1000)
 

@@ -23,7 +23,7 @@ from pcsr_plugins.objectives.grad_pu import GradPU as Objective
 from pcsr_plugins.upsamplers.descent import STEP, Descent
 from pcsr_plugins.upsamplers.shuffle import Shuffle
 
-RECIPE = Path(__file__).parents[2] / "recipes" / "grad-pu.yaml"
+RECIPE = Path(__file__).parents[2] / "pcsr/recipes" / "grad-pu.yaml"
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 """Data that does not come with the project."""
 

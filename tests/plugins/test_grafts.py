@@ -10,7 +10,7 @@ from pcsr.network.network import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-FOLDER = Path(__file__).parents[2] / "recipes"
+FOLDER = Path(__file__).parents[2] / "pcsr/recipes"
 GRAFTS = sorted(path.stem for path in (FOLDER / "graft").glob("*.yaml"))
 POINTS, RATE, TOUCHES, FELT = 64, 4, 2, 32
 SMALL = ["data.points=256", f"data.rate={RATE}", f"data.touch.points={FELT}"]

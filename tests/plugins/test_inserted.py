@@ -112,7 +112,7 @@ def test_in_use_nobody_joins():
 
 @pytest.fixture(scope="module")
 def network():
-    (recipe,) = load(Path(__file__).parents[2] / "recipes" / "frames.yaml", load_plugins())
+    (recipe,) = load(Path(__file__).parents[2] / "pcsr/recipes" / "frames.yaml", load_plugins())
     net = build(recipe, load_plugins()).eval()
     with torch.random.fork_rng():
         torch.manual_seed(0)

@@ -23,7 +23,7 @@ from pcsr_plugins.layers.midpoints import evenly, interpolated
 from pcsr_plugins.layers.spacing import spacing
 from pcsr_plugins.upsamplers.midpoint import Midpoint
 
-RECIPE = Path(__file__).parents[2] / "recipes" / "tapsr-midpoint.yaml"
+RECIPE = Path(__file__).parents[2] / "pcsr/recipes" / "tapsr-midpoint.yaml"
 
 
 @pytest.fixture(autouse=True)

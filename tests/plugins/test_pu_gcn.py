@@ -18,7 +18,7 @@ from pcsr_plugins.layers.edge_conv import EdgeConv as Layer
 from pcsr_plugins.layers.edge_conv import graph
 from pcsr_plugins.upsamplers.node_shuffle import NodeShuffle
 
-RECIPES = Path(__file__).parents[2] / "recipes"
+RECIPES = Path(__file__).parents[2] / "pcsr/recipes"
 PUBLISHED = 75_971  # published as 76.0 K
 
 

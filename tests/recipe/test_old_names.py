@@ -11,7 +11,7 @@ from pcsr.errors import PcsrWarning
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, for_data, load
 
-RECIPES = Path(__file__).parents[2] / "recipes"
+RECIPES = Path(__file__).parents[2] / "pcsr/recipes"
 WRITTEN = json.loads(Path(__file__).with_name("fingerprints.json").read_text())
 """By recipe file: hashes of the fingerprints of its runs and of their data, as 0.1 had them."""
 REGISTRY = load_plugins()

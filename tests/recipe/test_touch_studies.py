@@ -12,7 +12,7 @@ from pcsr.files import save_tensors
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-RECIPES = Path(__file__).parents[2] / "recipes"
+RECIPES = Path(__file__).parents[2] / "pcsr/recipes"
 STUDIES = ("size", "vision", "occlusion", "sensor", "policy")
 BESIDE = ("midpoint", "floor")
 
