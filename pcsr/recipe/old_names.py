@@ -33,6 +33,15 @@ OPTIONS: dict[tuple[str, str], dict[str, Keys]] = {
 """Old options of parts, by kind and today's name of the part, each with the keys of the new option."""
 
 
+REMOVED: dict[tuple[str, str], dict[str, Any]] = {
+    ("upsampler", "branches"): {"chained": False},
+    ("upsampler", "progressive"): {"step": 2},
+    ("objective", "pu-gan"): {"fidelity": "emd"},
+    ("objective", "pu-net"): {"fidelity": "emd"},
+}
+"""Options that parts had in 0.1, with the value that they had by default and now always have."""
+
+
 def modernize(source: Source) -> None:
     """Replace the names of 0.1 in a recipe, in place.
 
@@ -81,6 +90,7 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
 def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
     """A part `{use: name, …}` with the names that 0.1 gave to it and its options; a copy."""
     old = copy.deepcopy(part)
+    old |= REMOVED.get((kind, old["use"]), {})
     moved = OPTIONS.get((kind, old["use"]), {})
     for option, keys in moved.items():
         owner: Any = old
@@ -108,6 +118,9 @@ def _modernize_part(source: Source, keys: Keys, kind: str) -> list[str]:
     if new is not None:
         notes.append(f"{kind} '{part['use']}' is now '{new}'")
         part["use"] = new
+    for option, default in REMOVED.get((kind, part["use"]), {}).items():
+        if option in part and part[option] == default:
+            del part[option]
     name = f"{kind} '{part['use']}'"
     grouped: dict[str, list[str]] = {}
     for option, inner in OPTIONS.get((kind, part["use"]), {}).items():

@@ -255,7 +255,7 @@ DEFAULTS: dict[str, Any] = {
     },
     "train": {"objective": {"use": "chamfer"}},
 }
-"""Parts that need not be named. A recipe without a `model` gets that of `recipes/tapsr.yaml`; one with a model names its parts."""
+"""Parts that need not be named. A recipe without a `model` gets that of `tapsr`; one with a model names its parts."""
 
 
 def _flat(node: Any) -> Any:

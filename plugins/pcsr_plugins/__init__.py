@@ -21,8 +21,8 @@ dis-pu                    linear           none         dense-edge-conv  dis-pu 
 grad-pu                   mlp              none         grad-pu          descent       grad-pu      Grad-PU, Sec. 3
 ========================  ===============  ===========  ===============  ============  ===========  ====================
 
-Touches come from `touch`, objects from `shapes`, what networks are compared with from `baselines`. What parts share is in
-`layers`. A part is registered by text, so that neither it nor torch is imported before a recipe asks for it.
+Touches come from `touch`, objects from `shapes`, what networks are compared with from `baselines`. What parts share
+is in `layers`. A part is registered by text, so that neither it nor torch is imported before a recipe asks for it.
 """
 
 from pcsr import Register, hookimpl

@@ -10,6 +10,7 @@ from pcsr.data.plan import Plan
 from pcsr.errors import PcsrWarning
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, for_data, load
+from pcsr.recipe.old_names import REMOVED
 
 RECIPES = Path(__file__).parents[2] / "pcsr/recipes"
 WRITTEN = json.loads(Path(__file__).with_name("fingerprints.json").read_text())
@@ -127,3 +128,26 @@ def test_a_mistake_inside_of_a_group_has_its_place(tmp_path, touch, said):
     with pytest.raises(RecipeError) as mistakes:
         load(path, REGISTRY)
     assert str(mistakes.value) == f"{path}:{said}"
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "part", "other"),
+    [
+        ("model", "upsampler", "branches", "chained: true"),
+        ("model", "upsampler", "progressive", "step: 4"),
+        ("train", "objective", "pu-gan", "fidelity: chamfer"),
+        ("train", "objective", "pu-net", "fidelity: chamfer"),
+    ],
+)
+def test_an_option_that_is_gone_may_be_written_with_its_default(section, key, part, other, tmp_path):
+    ((option, default),) = REMOVED[key, part].items()
+    path = tmp_path / "old.yaml"
+    written = json.dumps({"use": part, option: default})
+    path.write_text(f"extends: {RECIPES / 'pu-net.yaml'}\n{section}: {{{key}: {written}}}\n")
+    (old,) = load(path, REGISTRY)
+    path.write_text(f"extends: {RECIPES / 'pu-net.yaml'}\n{section}: {{{key}: {part}}}\n")
+    (new,) = load(path, REGISTRY)
+    assert old.fingerprint == new.fingerprint
+    path.write_text(f"extends: {RECIPES / 'pu-net.yaml'}\n{section}: {{{key}: {{use: {part}, {other}}}}}\n")
+    with pytest.raises(RecipeError, match=f"'{part}' takes no '{option}'"):
+        load(path, REGISTRY)

@@ -248,6 +248,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.filterwarnings("ignore::pcsr.PcsrWarning")
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 @given(section=st.sampled_from(["data", "model", "train", "patches", "weights", "name", "recipes"]), value=JSON)
 def test_a_card_of_nonsense_is_a_mistake_and_no_crash(write, registry, trained, tmp_path, section, value):

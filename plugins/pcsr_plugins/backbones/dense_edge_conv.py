@@ -6,11 +6,7 @@ Refinement" (Dis-PU), CVPR 2021, takes it over as it is. At the published widths
 360 and 480.
 """
 
-from jaxtyping import Float
-from torch import Tensor
-
 from pcsr import Backbone, Trait, Widths
-from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConvStack
 from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
@@ -34,7 +30,3 @@ class DenseEdgeConvs(DenseEdgeConvStack, Backbone):
         neighbours: NeighbourCount = 16,
     ) -> None:
         super().__init__(widths.visual, blocks, layers, growth, between, neighbours)
-
-    def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
-        """Refine the features; the newest channels come first, the encoder's last."""
-        return self.refined(features)

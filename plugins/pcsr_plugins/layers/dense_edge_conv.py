@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from pcsr.geometry.neighbours import gather, knn
-from pcsr.tensors import Features
+from pcsr.tensors import Features, Points
 
 
 class DenseEdgeConv(nn.Module):
@@ -81,8 +81,8 @@ class DenseEdgeConvStack(nn.Module):
             self.blocks.append(block)
             self.channels += block.channels
 
-    def refined(self, features: Features) -> Float[Tensor, "b n refined"]:
-        """Refined features; the newest channels come first, the input's last."""
+    def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
+        """Refined features; the newest channels come first, the input's last. The coordinates are not used."""
         for step, block in enumerate(self.blocks):
             narrow = F.relu(self.narrow[step - 1](features)) if step else features
             features = torch.cat([block(narrow), features], dim=-1)

@@ -38,7 +38,7 @@ def matched_distance(
     if prediction.shape[1] != target.shape[1]:
         raise UserError(
             f"one-to-one matching wants clouds of one size, got {prediction.shape[1]} predicted and "
-            f"{target.shape[1]} true points: let the truth have as many, or take a Chamfer distance as the fidelity"
+            f"{target.shape[1]} true points: let the truth have as many, or take objective 'chamfer'"
         )
     require_finite(prediction, target)
     with torch.no_grad():

@@ -29,7 +29,7 @@ class Shuffle(Upsampler):
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
-        self, widths: Widths, *, hidden: Channels = 64, start: Literal["origin", "point", "neighbours"] = "origin"
+        self, widths: Widths, *, hidden: Channels = 64, start: Literal["origin", "neighbours"] = "origin"
     ) -> None:
         super().__init__()
         self.rate = widths.rate
@@ -50,8 +50,6 @@ class Shuffle(Upsampler):
         dense: Dense = self.mlp(features.reshape(b, n * rate, c // rate))
         if self.start == "origin":
             return dense
-        if self.start == "point":
-            return dense + points.repeat_interleave(rate, dim=1)
         places, spacing = neighbour_offsets(points, rate)
         return places + spacing.repeat_interleave(rate, dim=1) * dense
 
