@@ -131,8 +131,8 @@ def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
     for b, row in enumerate(points):
         alone = [slow_frame(row, i, neighbours) for i in range(n)]
         for i, (near, ways, unit, normal, rough) in enumerate(alone):
-            assert torch.equal(frames.near[b, i], near)
-            close(frames.ways[b, i], ways)
+            assert torch.equal(frames.index[b, i], near)
+            close(frames.offsets[b, i], ways)
             close(frames.unit[b, i, 0], unit)
             close(frames.normal[b, i], normal)
             close(frames.rough[b, i, 0], rough)
@@ -185,7 +185,7 @@ def test_a_convolution_is_its_formula_edge_by_edge():
     for b in range(2):
         for i in range(20):
             heard = []
-            for edge, j in zip(edges[b, i], frames.near[b, i], strict=True):
+            for edge, j in zip(edges[b, i], frames.index[b, i], strict=True):
                 here, there = conv.here.weight @ features[b, i] + conv.here.bias, conv.there.weight @ features[b, j]
                 heard.append(torch.relu(here + there + conv.edge.weight @ edge))
             both = torch.cat([torch.stack(heard).max(0).values, torch.stack(heard).mean(0)])

@@ -44,13 +44,13 @@ class DenseEdgeConv(nn.Module):
         Raises:
             UserError: the cloud has no more points than a point has neighbours.
         """
-        near = knn(features, features, self.neighbours + 1)[..., 1:]
+        index = knn(features, features, self.neighbours + 1)[..., 1:]
         edges: list[Float[Tensor, "b n k growth"]] = []
         points, channels = [features], features.shape[-1]
         for layer in cast("Iterable[nn.Linear]", self.layers):
             if not edges:
                 u, v = layer.weight.chunk(2, dim=1)
-                y = gather(F.linear(features, v), near)
+                y = gather(F.linear(features, v), index)
                 own = F.linear(features, u - v, layer.bias)
             else:
                 on_edges, on_point = torch.split(layer.weight, [layer.in_features - channels, channels], dim=1)

@@ -25,6 +25,6 @@ def met(touches: TouchBatch, n: int) -> Float[Tensor, "b a n c"]:
 
 def pair(points: Points, touches: TouchBatch) -> Float[Tensor, "b a n c"]:
     """The same for each visual point, in the order of `points`."""
-    heard = met(touches, points.shape[1])
-    place = hilbert_order(points).argsort(-1)  # (b n): how far along its curve each visual point lies
-    return heard.gather(2, place[:, None, :, None].expand_as(heard))
+    features = met(touches, points.shape[1])
+    rank = hilbert_order(points).argsort(-1)  # (b n): of each visual point along its curve
+    return features.gather(2, rank[:, None, :, None].expand_as(features))

@@ -81,11 +81,11 @@ def hinge_repulsion(points: Points, *, neighbours: int = 4, gap: float = 0.001) 
 
 
 def _nearest_squared(points: Points, neighbours: int) -> Float[Tensor, "b n k"]:
-    """Squared distances to the nearest other points; the way back goes to both ends."""
-    near = knn(points.detach(), points.detach(), neighbours + 1)[..., 1:]
-    return (gather(points, near) - points.unsqueeze(2)).square().sum(-1)
+    """Squared distances to the nearest other points; the gradient goes to both ends."""
+    index = knn(points.detach(), points.detach(), neighbours + 1)[..., 1:]
+    return (gather(points, index) - points.unsqueeze(2)).square().sum(-1)
 
 
 def _root(square: Tensor) -> Tensor:
-    """The square root, flat near zero: where two points coincide there is no way to go."""
+    """The square root, flat index zero: where two points coincide the gradient has no direction."""
     return square.clamp_min(1e-12).sqrt()

@@ -18,8 +18,8 @@ def spacing(points: Points) -> Float[Tensor, "b n 1"]:
     Raises:
         UserError: there is no other point.
     """
-    near = knn(points, points, min(SPACED, points.shape[1] - 1) + 1)[..., 1:]
-    return mean_length(gather(points, near) - points.unsqueeze(2))
+    index = knn(points, points, min(SPACED, points.shape[1] - 1) + 1)[..., 1:]
+    return mean_length(gather(points, index) - points.unsqueeze(2))
 
 
 def mean_length(offsets: Float[Tensor, "b n k 3"]) -> Float[Tensor, "b n 1"]:

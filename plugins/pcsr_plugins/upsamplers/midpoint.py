@@ -1,4 +1,4 @@
-"""An interpolated cloud, refined: the places come from midpoints between neighbours, the network only moves them.
+"""Midpoint interpolation with learned displacements.
 
 The interpolation is Grad-PU's (He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with
 Learned Distance Functions", CVPR 2023, Sec. 3.2), which separates it from what is learned and so takes any rate. Here
@@ -22,7 +22,7 @@ from pcsr_plugins.layers.spacing import spacing
 
 
 class Midpoint(Upsampler):
-    """Moves interpolated places, in units of the spacing of the points around them."""
+    """Displaces interpolated candidates, in units of the local spacing."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
@@ -35,18 +35,19 @@ class Midpoint(Upsampler):
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Interpolate and refine.
 
-        The MLP reads the features carried to a place, its way from the points that they are of, and its distance to
-        the nearest of them. That has no direction: a midpoint is as near to one end as to the other. The first
-        layer's part for the features is applied before they are carried: there are fewer points than places.
+        Inputs of the MLP are the features interpolated at a candidate, its offset from the mean of the points that they
+        are of, and its distance to the nearest of them, which has no direction: a midpoint is as close to one end as to
+        the other. The first layer's part for the features is applied before the interpolation: there are fewer points
+        than candidates.
         """
-        # Among points that are equally near the first in this order counts, not the first in the file.
+        # Of equally close points the first in this order counts, not the first in the file.
         order = hilbert_order(points)
         points, features = along(order, points), along(order, features)
-        places = interpolated(points, rate, thin=evenly if self.training else farthest_points)
-        near, weights = inverse_distance(places, points)
-        unit = mix(spacing(points), near, weights)
-        way = places - mix(points, near, weights)
-        nearest = (places - gather(points, near[..., :1]).squeeze(2)).norm(dim=-1, keepdim=True)
-        placed = self.placed(torch.cat([way, nearest], dim=-1) / unit)
-        dense: Dense = places + unit * self.mlp(mix(self.carried(features), near, weights) + placed)
+        candidates = interpolated(points, rate, thin=evenly if self.training else farthest_points)
+        index, weights = inverse_distance(candidates, points)
+        unit = mix(spacing(points), index, weights)
+        offset = candidates - mix(points, index, weights)
+        nearest = (candidates - gather(points, index[..., :1]).squeeze(2)).norm(dim=-1, keepdim=True)
+        placed = self.placed(torch.cat([offset, nearest], dim=-1) / unit)
+        dense: Dense = candidates + unit * self.mlp(mix(self.carried(features), index, weights) + placed)
         return dense

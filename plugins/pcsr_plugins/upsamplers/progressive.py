@@ -6,8 +6,8 @@ has features f of the points p of its cloud. Each point becomes two copies, dist
     q = p + MLP([f, code])                                  128, 128, 64 and 3 channels wide
 
 The first level's features are the backbone's. A later level brings the cloud into the unit sphere, extracts features
-with layers of its own, the backbone's again, and adds 0.2 times those that the level before had nearby, weighed by how
-near they are in space and among the features: its skip connections between levels.
+with layers of its own, the backbone's again, and adds 0.2 times those that the level before had nearby, weighed by
+distance in space and among the features: its skip connections between levels.
 
 Number of weights: PU-GCN (Qian et al., CVPR 2021) publishes 76.2 K, of its own implementation of 3PU, which makes all
 four copies in one level, distinguished by a 2 × 2 grid. A level of 3PU itself, doubling, has 76,027; there are two of
@@ -107,7 +107,7 @@ class Extractor(nn.Module):
 
 
 class Expansion(nn.Module):
-    """Each point's copies, one after the other, each moved by what its features and its code say."""
+    """Each point's copies, one after the other, each displaced by an MLP on its features and its code."""
 
     code: Tensor
 
@@ -140,7 +140,7 @@ def unit_sphere(cloud: Points) -> tuple[Points, Float[Tensor, "b 1 3"], Float[Te
 
 
 def nearby_mean(cloud: Points, fresh: Features, before: Float[Tensor, "b q 3"], known: Rows, k: int) -> Features:
-    """What the level before knew near each point: the mean of its k nearest points' features.
+    """Features of the level before, interpolated at each point: a weighted mean of its k nearest points.
 
     The weights are exp(−2d²/h) for the distance d in space and again for that among the features, h being the mean over
     the cloud of the least d². They take no part in the gradient.
@@ -152,18 +152,18 @@ def nearby_mean(cloud: Points, fresh: Features, before: Float[Tensor, "b q 3"], 
         known: (b q c), their features.
         k: how many of them each point looks at; all, where there are fewer.
     """
-    near = knn(cloud.detach(), before.detach(), min(k, before.shape[1]))
+    index = knn(cloud.detach(), before.detach(), min(k, before.shape[1]))
     with torch.no_grad():
-        weights = _closeness(cloud, before, near) * _closeness(fresh, known, near)
+        weights = _closeness(cloud, before, index) * _closeness(fresh, known, index)
         weights = weights / (weights + 1e-5).sum(-1, keepdim=True)
     mean = torch.zeros_like(fresh)
-    for weight, index in zip(weights.unbind(-1), near.unbind(-1), strict=True):  # (b n k c) is never made
-        mean = mean + weight.unsqueeze(-1) * _take(known, index)
+    for weight, one in zip(weights.unbind(-1), index.unbind(-1), strict=True):  # (b n k c) is never made
+        mean = mean + weight.unsqueeze(-1) * _take(known, one)
     return mean
 
 
-def _closeness(query: Features, points: Rows, near: Int[Tensor, "b n k"]) -> Float[Tensor, "b n k"]:
-    square = torch.stack([(query - _take(points, j)).square().sum(-1) for j in near.unbind(-1)], dim=-1)
+def _closeness(query: Features, points: Rows, index: Int[Tensor, "b n k"]) -> Float[Tensor, "b n k"]:
+    square = torch.stack([(query - _take(points, j)).square().sum(-1) for j in index.unbind(-1)], dim=-1)
     h = square.amin(-1, keepdim=True).mean(1, keepdim=True).clamp_min(1e-12)
     return torch.exp(-2 * square / h)
 

@@ -1,8 +1,8 @@
 """Periodic shuffling and a coordinate MLP: TAPSR, Sec. 3.5, after PU-Transformer's tail.
 
-(b n c) becomes (b r·n c/r), and "another MLP is applied to estimate the 3D coordinates". Both papers say
-coordinates; `start: point` predicts the way from the input point instead, and `start: neighbours` the way from
-places that lead to its neighbours, in units of the distance to them (PAPER.md, "Coordinates").
+(b n c) becomes (b r·n c/r), and "another MLP is applied to estimate the 3D coordinates". Both papers predict
+coordinates; `start: neighbours` predicts offsets from points on the edges to the neighbours, in units of the edges'
+mean length (PAPER.md, "Coordinates").
 """
 
 from typing import Literal
@@ -18,9 +18,9 @@ from pcsr_plugins.layers.heads import zero_linear
 from pcsr_plugins.layers.options import Channels
 
 SPOKES = 8
-"""Neighbours that new points start towards."""
+"""Neighbours on the edges to which new points start."""
 FARTHEST = 0.4
-"""The share of the way to them at which the outermost start."""
+"""Share of the edge at which the outermost start."""
 
 
 class Shuffle(Upsampler):
@@ -50,21 +50,21 @@ class Shuffle(Upsampler):
         dense: Dense = self.mlp(features.reshape(b, n * rate, c // rate))
         if self.start == "origin":
             return dense
-        places, spacing = neighbour_offsets(points, rate)
-        return places + spacing.repeat_interleave(rate, dim=1) * dense
+        starts, spacing = neighbour_offsets(points, rate)
+        return starts + spacing.repeat_interleave(rate, dim=1) * dense
 
 
 def neighbour_offsets(points: Points, rate: int) -> tuple[Dense, Float[Tensor, "b n 1"]]:
-    """For each point `rate` places on the ways to its nearest neighbours, in rings: 0.4 and 0.2 of the way for 16.
+    """`rate` points on the edges from each point to its neighbours, in rings: at 0.4 and 0.2 of the edge for 16.
 
-    None goes half the way, so that two neighbours on their ways to each other don't meet.
+    All are closer than half of the edge, so that those of two neighbours do not coincide.
 
     Returns:
-        The places, and for each point the mean length of those ways: what "far" means there.
+        The points, and for each input point the mean length of its edges.
     """
     spokes = min(SPOKES, rate, points.shape[1] - 1)
     rings = -(-rate // spokes)
     shares = FARTHEST * (1 - torch.arange(rings, device=points.device) / rings)
-    ways = gather(points, knn(points, points, spokes + 1)[..., 1:]) - points.unsqueeze(2)  # (b n spokes 3)
-    places = points[:, :, None, None] + shares[:, None, None].to(points.dtype) * ways.unsqueeze(2)
-    return places.flatten(2, 3)[:, :, :rate].flatten(1, 2), ways.norm(dim=-1).mean(-1, keepdim=True)
+    offsets = gather(points, knn(points, points, spokes + 1)[..., 1:]) - points.unsqueeze(2)  # (b n spokes 3)
+    starts = points[:, :, None, None] + shares[:, None, None].to(points.dtype) * offsets.unsqueeze(2)
+    return starts.flatten(2, 3)[:, :, :rate].flatten(1, 2), offsets.norm(dim=-1).mean(-1, keepdim=True)

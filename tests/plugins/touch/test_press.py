@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import sensors
-from pcsr_plugins.touch.digit.candidates import Places
+from pcsr_plugins.touch.digit.candidates import Candidates
 from pcsr_plugins.touch.digit.press import Finger
 
 SLAB = MeshRays(trimesh.creation.box((200, 200, 20)), None, "slab")
@@ -132,7 +132,7 @@ def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
     rejected = looked = 0
     for name in ("test/hook/0000", "test/bolt/0000"):
         rays = MeshRays(CadParts().item(name).mesh, 60.0, name)
-        (places,) = Places.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
+        (places,) = Candidates.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
         for sensor in (sensors.load("digit"), sensors.load("digit-tacto")):
             finger = Finger(sensor)
             at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]

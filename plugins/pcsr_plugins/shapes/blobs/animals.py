@@ -162,11 +162,11 @@ def seated_animal(draw: Draw) -> Field:
             ),
             limb([(10, side * 0.8 * base, 5), (base + draw(2, 8), side * base, 4)], [paw, paw]),
         ]
-    way = draw.one_of([-1, 1])
+    side_sign = draw.one_of([-1, 1])
     curl = [
         (-base, 0, 7),
-        (-base - draw(4, 14), way * 12, draw(5, 16)),
-        (-6 - draw(0, 10), way * (base + draw(7, 14)), draw(5, 24)),
+        (-base - draw(4, 14), side_sign * 12, draw(5, 16)),
+        (-6 - draw(0, 10), side_sign * (base + draw(7, 14)), draw(5, 24)),
     ]
     tail = limb(curl, [6, draw(3.5, 6), draw(3, 5)])
     whole = joined(draw(2, 4), joined(5, trunk, head), snout, *parts, tail)
@@ -178,10 +178,10 @@ def tortoise(draw: Draw) -> Field:
     long, wide, dome = draw(28, 44), draw(22, 36), draw(16, 30)
     shell = common(4, ellipsoid((0, 0, 4), (long, wide, dome)), above(3))
     rows = draw.whole(3, 5)
-    places = [(draw(-0.62, 0.62), draw(-0.62, 0.62)) for _ in range(3 * rows)]
+    positions = [(draw(-0.62, 0.62), draw(-0.62, 0.62)) for _ in range(3 * rows)]
     bumps = [
         ellipsoid((long * a, wide * b, 4 + dome * np.sqrt(1 - a * a - b * b)), (r, r, 0.6 * r))
-        for a, b in places
+        for a, b in positions
         for r in [draw(3.5, 7)]
     ]
     leg, foot, reach = draw(6, 9), draw(3.5, 6), draw(0.7, 1.05)

@@ -84,10 +84,12 @@ def hand(draw: Draw) -> Field:
         reach, thick = draw(15, 22) * (1.1 - 0.2 * off * off), draw(3.8, 5.2)
         points = [np.array([0, y, 0.6 * long])]
         for joint in range(3):
-            up, way = joint * bend, angle * (1 + joint)
+            up, azimuth = joint * bend, angle * (1 + joint)
             points.append(
                 points[-1]
-                + reach * (1 - 0.2 * joint) * np.array([np.sin(up), np.cos(up) * np.sin(way), np.cos(up) * np.cos(way)])
+                + reach
+                * (1 - 0.2 * joint)
+                * np.array([np.sin(up), np.cos(up) * np.sin(azimuth), np.cos(up) * np.cos(azimuth)])
             )
         parts.append(limb([tuple(p) for p in points], [thick * 1.2, thick * 1.1, thick, thick * 0.85]))
     out = draw(6, 18)

@@ -52,8 +52,8 @@ def coral(draw: Draw) -> Field:
     parts, tips = [], [((0.0, 0.0, -45.0), (0.0, 0.0, 1.0), thick, draw(24, 36))]
     for _ in range(draw.whole(2, 3)):
         grown = []
-        for start, way, r, length in tips:
-            end = np.asarray(start) + length * np.asarray(way)
+        for start, direction, r, length in tips:
+            end = np.asarray(start) + length * np.asarray(direction)
             side = [draw(-4, 4) for _ in range(3)]
             parts.append(
                 limb(
@@ -66,7 +66,7 @@ def coral(draw: Draw) -> Field:
             for fork in range(forks):
                 angle, tilt = np.radians(first + 360 * fork / forks), np.radians(spread * draw(0.6, 1.2))
                 level = np.array([np.cos(angle), np.sin(angle), 0]) * np.sin(tilt)
-                new = 0.6 * np.asarray(way) + level + np.array([0, 0, 0.5 * np.cos(tilt)])
+                new = 0.6 * np.asarray(direction) + level + np.array([0, 0, 0.5 * np.cos(tilt)])
                 grown.append(
                     (tuple(end), tuple(new / np.linalg.norm(new)), max(r * shrink, 3.5), length * draw(0.7, 0.85))
                 )

@@ -55,7 +55,7 @@ def _extent(field: Field) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"
     """Two corners of a box around the body, and the step of a grid that gives it about `TRIANGLES`; 0 without a body.
 
     An edge of the grid that crosses the surface becomes two triangles. How many there are hangs on the area alone,
-    so that a coarse grid can tell.
+    so that a coarse grid shows it.
     """
     axis = np.linspace(-REACH, REACH, int(2 * REACH / SEARCH) + 1)
     values = field(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3))
@@ -162,11 +162,11 @@ def _projected(field: Field, vertices: Float[np.ndarray, "v 3"], step: float) ->
     """Moved along the gradient to where the field is zero, by half a grid step at most."""
     small = step / 100
     values = field(vertices)
-    slope = np.stack([(field(vertices + small * way) - values) / small for way in np.eye(3)], axis=1)
+    slope = np.stack([(field(vertices + small * axis) - values) / small for axis in np.eye(3)], axis=1)
     slope /= np.maximum((slope**2).sum(axis=1, keepdims=True), 0.1)
     moved = vertices
     for again in range(PROJECTIONS):
         moved = moved - (field(moved) if again else values)[:, None] * slope
-    way = moved - vertices
-    length = np.linalg.norm(way, axis=1, keepdims=True)
-    return np.asarray(vertices + way * np.minimum(1, step / 2 / np.maximum(length, 1e-12)))
+    shift = moved - vertices
+    length = np.linalg.norm(shift, axis=1, keepdims=True)
+    return np.asarray(vertices + shift * np.minimum(1, step / 2 / np.maximum(length, 1e-12)))

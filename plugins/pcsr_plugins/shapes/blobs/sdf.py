@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from pcsr_plugins.shapes.shared.draw import Draw, Number
 
 Field = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
-"""Places in mm to values in mm."""
+"""Points in mm to values in mm."""
 
 Place = Sequence[Number]
 """x, y and z in mm; z points up."""
@@ -55,18 +55,18 @@ def limb(points: Sequence[Place], radii: Sequence[Number], closed: bool = False)
     # The radii never overshoot, since they must stay positive.
     girth = PchipInterpolator(knots, thick)
     flare = girth.derivative()
-    places, radius = curve(steps), girth(steps)
-    middle = places.mean(axis=0)
-    starts, ways = places[:-1] - middle, np.diff(places, axis=0)
-    squares, widening = (ways**2).sum(axis=1), np.diff(radius)
+    positions, radius = curve(steps), girth(steps)
+    middle = positions.mean(axis=0)
+    starts, segments = positions[:-1] - middle, np.diff(positions, axis=0)
+    squares, widening = (segments**2).sum(axis=1), np.diff(radius)
     # A cone's surface is nearer than the place beside it at the same level.
     steepness = np.sqrt(1 + widening**2 / squares)
 
     def value(at: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         here = at - middle
-        ahead = here @ ways.T - (starts * ways).sum(axis=1)
+        ahead = here @ segments.T - (starts * segments).sum(axis=1)
         along = np.clip(ahead / squares, 0, 1)
-        # The square of |here - starts - along * ways|, multiplied out: three numbers fewer for each place and piece.
+        # |here - starts - along * segments|², multiplied out: three numbers fewer for each point and piece.
         square = (here**2).sum(axis=1)[:, None] - 2 * (here @ starts.T) + (starts**2).sum(axis=1)
         square += along * (along * squares - 2 * ahead)
         piece = square.argmin(axis=1)
@@ -78,8 +78,8 @@ def limb(points: Sequence[Place], radii: Sequence[Number], closed: bool = False)
         # From the nearest piece to the curve beside it: without this step the pieces would show.
         near = np.flatnonzero(np.abs(nearest) < FAR)
         when = (piece + share)[near] * steps[1]
-        here, way = at[near], tangent(when)
-        when += ((here - curve(when)) * way).sum(axis=1) / (way**2).sum(axis=1)
+        here, direction = at[near], tangent(when)
+        when += ((here - curve(when)) * direction).sum(axis=1) / (direction**2).sum(axis=1)
         when = np.mod(when, end) if closed else np.clip(when, 0, end)
         steep = np.sqrt(1 + flare(when) ** 2 / (tangent(when) ** 2).sum(axis=1))
         nearest[near] = (np.linalg.norm(here - curve(when), axis=1) - girth(when)) / steep
@@ -204,8 +204,8 @@ def rippled(field: Field, draw: Draw, height: Number, length: Number, octaves: i
         for _ in range(RIPPLES):
             upwards, angle = draw(-1, 1), np.radians(draw(0, 360))
             level = np.sqrt(1 - upwards**2)
-            way = np.array([level * np.cos(angle), level * np.sin(angle), upwards])
-            waves.append(way * 2 * np.pi * 2**octave / (length * draw(0.8, 1.25)))
+            direction = np.array([level * np.cos(angle), level * np.sin(angle), upwards])
+            waves.append(direction * 2 * np.pi * 2**octave / (length * draw(0.8, 1.25)))
             phases.append(np.radians(draw(0, 360)))
             heights.append(height * 0.45**octave / np.sqrt(RIPPLES / 2))
     k, phase, high = np.array(waves), np.array(phases), np.array(heights)

@@ -51,10 +51,10 @@ def housing(draw: Draw) -> Manifold:
     boss = draw(2.5, 4.5)
     corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
     inset = wall + 0.8 * boss
-    places = [(x * (a / 2 - inset), y * (b / 2 - inset)) for x, y in corners]
+    positions = [(x * (a / 2 - inset), y * (b / 2 - inset)) for x, y in corners]
     height = h * draw(0.5, 0.95)
-    body += grid_of(cylinder(boss, height, SMALL), places)
-    body -= grid_of(cylinder(0.45 * boss, h, SMALL).translate((0, 0, wall)), places)
+    body += grid_of(cylinder(boss, height, SMALL), positions)
+    body -= grid_of(cylinder(0.45 * boss, h, SMALL).translate((0, 0, wall)), positions)
     window = along_x(extrude(rectangle(draw(0.25, 0.5) * h, draw(0.2, 0.5) * b, 1.5), 3 * wall))
     body -= window.translate((a / 2 - 2 * wall, 0, 0.5 * h))
     if draw.maybe():
@@ -83,12 +83,12 @@ def heat_sink(draw: Draw) -> Manifold:
     else:
         nx, ny, r = draw.whole(3, 7), draw.whole(3, 6), draw(1.3, 2.6)
         pin = cylinder(r, h, 24).translate((0, 0, base - 0.5))
-        places = [
+        positions = [
             (-a / 2 + 2 * r + i * (a - 4 * r) / (nx - 1), -b / 2 + 2 * r + j * (b - 4 * r) / (ny - 1))
             for i in range(nx)
             for j in range(ny)
         ]
-        body += grid_of(pin, places)
+        body += grid_of(pin, positions)
     return body
 
 

@@ -33,11 +33,11 @@ def tray(draw: Draw) -> Manifold:
     along, across = draw.whole(0, 3), draw.whole(0, 2)
     ribs = [box(0.8 * wall, b, tall).translate((draw(-0.45, 0.45) * a, 0, 0)) for _ in range(along)]
     ribs += [box(a, 0.8 * wall, tall).translate((0, draw(-0.4, 0.4) * b, 0)) for _ in range(across)]
-    places = [(draw(-0.38, 0.38) * a, draw(-0.36, 0.36) * b) for _ in range(draw.whole(2, 5))]
+    positions = [(draw(-0.38, 0.38) * a, draw(-0.36, 0.36) * b) for _ in range(draw.whole(2, 5))]
     boss = draw(2.2, 3.6)
-    ribs += [grid_of(cylinder(boss, draw(0.4, 0.95) * h, SMALL), places)]
+    ribs += [grid_of(cylinder(boss, draw(0.4, 0.95) * h, SMALL), positions)]
     body += union(ribs) ^ extrude(outline.offset(-0.3 * wall), h)
-    body -= grid_of(hole(0.45 * boss, h), places)
+    body -= grid_of(hole(0.45 * boss, h), positions)
     if draw.maybe():
         window = extrude(rectangle(draw(0.12, 0.3) * a, draw(0.15, 0.4) * b, 2), 3 * wall)
         body -= window.translate((draw(-0.2, 0.2) * a, draw(-0.15, 0.15) * b, -wall))

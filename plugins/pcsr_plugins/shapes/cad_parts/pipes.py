@@ -59,15 +59,15 @@ def elbow(draw: Draw) -> Manifold:
     # Straight along +z to the origin's height, then around the y axis.
     t = np.radians(np.linspace(0, angle, int(angle / 4)))
     curve = np.stack([bend - bend * np.cos(t), 0 * t, bend * np.sin(t)], axis=1)
-    way = np.array([np.sin(t[-1]), 0, np.cos(t[-1])])
+    direction = np.array([np.sin(t[-1]), 0, np.cos(t[-1])])
 
     def pipe(radius: Number, over: Number) -> Manifold:
-        path = np.concatenate([[[0, 0, -length - over]], curve, [curve[-1] + way * (tail + over)]])
+        path = np.concatenate([[[0, 0, -length - over]], curve, [curve[-1] + direction * (tail + over)]])
         return swept(path, radius, segments=48)
 
     body = pipe(outer, 0) + end.rotate((180, 0, 0)).translate((0, 0, -length))
     if tail == length:
-        body += end.rotate((0, angle, 0)).translate(tuple(map(float, curve[-1] + way * tail)))
+        body += end.rotate((0, angle, 0)).translate(tuple(map(float, curve[-1] + direction * tail)))
     return body - pipe(bore, 8)
 
 

@@ -46,27 +46,27 @@ def adapter(draw: Draw) -> Manifold:
     """A plate around scattered bosses, drilled at each, perhaps with ribs to the largest."""
     t, wall, count = draw(2.5, 6), draw(2, 4), draw.whole(3, 6)
     spread, turn = draw(18, 38), draw(0, 2 * np.pi)
-    places, radii = [(0.0, 0.0)], [draw(6, 13)]
+    positions, radii = [(0.0, 0.0)], [draw(6, 13)]
     for i in range(count):
         angle = turn + 2 * np.pi * (i + draw(-0.3, 0.3)) / count
         reach = spread * draw(0.6, 1.15)
-        places.append((float(reach * np.cos(angle)), float(reach * np.sin(angle))))
+        positions.append((float(reach * np.cos(angle)), float(reach * np.sin(angle))))
         radii.append(draw(1.6, 4))
-    discs = [CrossSection.circle(r + wall, SMALL).translate(p) for r, p in zip(radii, places, strict=True)]
+    discs = [CrossSection.circle(r + wall, SMALL).translate(p) for r, p in zip(radii, positions, strict=True)]
     arms = [CrossSection.batch_hull([discs[0], disc]) for disc in discs[1:]]
     outline = CrossSection.batch_hull(discs) if draw.maybe(0.4) else arms[0]
     for arm in arms:
         outline += arm
     body = extrude(rounded(outline, 0.5, draw(2, 6)), t)
-    heights = [t + draw(2, 14) if draw.maybe() else t for _ in places]
+    heights = [t + draw(2, 14) if draw.maybe() else t for _ in positions]
     ribbed = draw.maybe()
-    for (x, y), disc, height in zip(places, discs, heights, strict=True):
+    for (x, y), disc, height in zip(positions, discs, heights, strict=True):
         if height > t:
             body += extrude(disc.offset(-0.1 * wall), height)
         if ribbed and (x, y) != (0, 0):
             rib = box(float(np.hypot(x, y)), draw(1.5, 2.5), t + 0.5 * (min(height, heights[0]) - t) + 1)
             body += rib.translate((float(np.hypot(x, y)) / 2, 0, 0)).rotate((0, 0, float(np.degrees(np.arctan2(y, x)))))
-    for (x, y), r, height in zip(places, radii, heights, strict=True):
+    for (x, y), r, height in zip(positions, radii, heights, strict=True):
         body -= hole(r, height, draw(0, 1.2)).translate((x, y, 0))
     return body
 
@@ -91,8 +91,8 @@ def bracket(draw: Draw) -> Manifold:
     if draw.maybe():
         leg = draw(0.35, 0.6)
         gusset = along_y(extrude(polygon([(0.5 * t, 0.5 * t), (leg * a, 0.5 * t), (0.5 * t, leg * b)]), draw(2, 4)))
-        places = [0.0] if holes == 2 or draw.maybe() else [-0.42 * width, 0.42 * width]
-        body += union(gusset.translate((0, y + 1.5, 0)) for y in places)
+        positions = [0.0] if holes == 2 or draw.maybe() else [-0.42 * width, 0.42 * width]
+        body += union(gusset.translate((0, y + 1.5, 0)) for y in positions)
     return body
 
 
@@ -118,12 +118,12 @@ def hinge(draw: Draw) -> Manifold:
     leaf = extrude(rectangle(width, length, draw(1, 5)), t).translate((0, length / 2 + knuckle * 0.6, 0))
     inset = draw(6, 9)
     rows = draw.whole(1, 2)
-    places = [
+    positions = [
         (x, length * (0.55 if rows == 1 else 0.35 + 0.4 * j) + knuckle)
         for j in range(rows)
         for x in (-width / 2 + inset, *([0] if draw.maybe() else []), width / 2 - inset)
     ]
-    leaf -= grid_of(hole(draw(1.5, 2.5), t, draw(0.5, 1.2)), places)
+    leaf -= grid_of(hole(draw(1.5, 2.5), t, draw(0.5, 1.2)), positions)
     count = draw.whole(2, 4)
     step = width / (2 * count - 1)
     barrel = along_x(cylinder(knuckle, step * 0.96)) + box(step * 0.96, knuckle * 1.4, t).translate(
@@ -141,13 +141,13 @@ def buckle(draw: Draw) -> Manifold:
     frame = rectangle(a, b, draw(3, 10))
     frame -= frame.offset(-bar, JoinType.Miter)
     body = extrude(frame, t)
-    places = [0.0] if draw.maybe(0.6) else [-0.18 * a, 0.18 * a]
-    for x in places:
+    positions = [0.0] if draw.maybe(0.6) else [-0.18 * a, 0.18 * a]
+    for x in positions:
         body += along_y(cylinder(draw(1.2, 0.5 * t), b - bar, SMALL)).translate((x, (b - bar) / 2, t / 2))
     if draw.maybe():
-        reach = a / 2 - bar / 2 - places[0]
-        body += along_x(cylinder(draw(1, 1.8), reach, SMALL)).translate((places[0], 0, t * 0.9))
-        body += along_y(tube(0.5 * t + 1.6, 0.4, draw(4, 7))).translate((places[0], 2.5, t / 2))
+        reach = a / 2 - bar / 2 - positions[0]
+        body += along_x(cylinder(draw(1, 1.8), reach, SMALL)).translate((positions[0], 0, t * 0.9))
+        body += along_y(tube(0.5 * t + 1.6, 0.4, draw(4, 7))).translate((positions[0], 2.5, t / 2))
     return body
 
 

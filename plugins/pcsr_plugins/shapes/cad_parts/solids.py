@@ -94,9 +94,9 @@ def ring_of(solid: Manifold, count: int, radius: Number, phase: Number = 0.0) ->
     return union(solid.translate((radius, 0, 0)).rotate((0, 0, phase + 360 * i / count)) for i in range(count))
 
 
-def grid_of(solid: Manifold, places: Iterable[tuple[Number, Number]]) -> Manifold:
-    """Copies at places of the plane."""
-    return union(solid.translate((x, y, 0)) for x, y in places)
+def grid_of(solid: Manifold, positions: Iterable[tuple[Number, Number]]) -> Manifold:
+    """Copies at positions of the plane."""
+    return union(solid.translate((x, y, 0)) for x, y in positions)
 
 
 def turned(profile: Sequence[tuple[Number, Number]], fillet: Number = 0.0, segments: int = ROUND) -> Manifold:

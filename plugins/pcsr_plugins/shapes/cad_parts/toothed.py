@@ -126,8 +126,10 @@ def impeller(draw: Draw) -> Manifold:
     radius = start + (0.98 * r - start) * steps
     angle = np.radians(sweep) * steps**1.4
     line = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    way = np.gradient(line, axis=0)
-    side = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.linalg.norm(way, axis=1, keepdims=True) * t / 2
+    direction = np.gradient(line, axis=0)
+    side = (
+        np.stack([-direction[:, 1], direction[:, 0]], axis=1) / np.linalg.norm(direction, axis=1, keepdims=True) * t / 2
+    )
     outline = [*map(tuple, (line + side).tolist()), *map(tuple, (line - side)[::-1].tolist())]
     blade = CrossSection([outline])
     if blade.area() <= 0:

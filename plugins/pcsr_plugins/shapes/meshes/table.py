@@ -1,4 +1,4 @@
-"""A table that says which split and group each mesh file belongs to: CSV with the columns file, split and group."""
+"""A table of the split and group of each mesh file: CSV with the columns file, split and group."""
 
 import csv
 from pathlib import Path, PurePosixPath
@@ -19,7 +19,7 @@ SPLITS = {
 
 
 class Row(NamedTuple):
-    """What the table says of a file."""
+    """A file's row of the table."""
 
     split: str
     group: str

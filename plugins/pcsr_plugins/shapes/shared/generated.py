@@ -23,7 +23,7 @@ ATTEMPTS = 20
 
 
 def by_name(*functions: Callable[[Draw], T]) -> dict[str, Callable[[Draw], T]]:
-    """Families in the alphabet's order: the first few then come from several workshops."""
+    """Families by name, sorted, so that a small `count` mixes turned, milled and cast parts."""
     return {f.__name__.replace("_", "-"): f for f in sorted(functions, key=lambda f: f.__name__)}
 
 
@@ -97,7 +97,7 @@ class Generated(ShapeSource):
         raise NotImplementedError
 
     def digest(self, name: str) -> str:
-        """The seed: with the version and the name it says which object that is."""
+        """The seed, which decides the object together with the version and the name."""
         return f"seed {self.seed}"
 
 

@@ -33,7 +33,7 @@ def surface_of(solid: Manifold) -> trimesh.Trimesh | None:
 
 
 def is_sound(mesh: trimesh.Trimesh) -> bool:
-    """One watertight body, turned the right way out, without flat faces."""
+    """One watertight body with outward normals, without flat faces."""
     closed = mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
     return bool(closed and mesh.body_count == 1 and mesh.area_faces.min() > FLATTEST)
 
@@ -43,5 +43,5 @@ def without_folds(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
     first = faces.argmin(axis=1)[:, None]
     faces = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
-    places = (faces.max() + 1) ** np.arange(3)
-    return faces[~np.isin(faces @ places, faces[:, [0, 2, 1]] @ places)]
+    weights = (faces.max() + 1) ** np.arange(3)
+    return faces[~np.isin(faces @ weights, faces[:, [0, 2, 1]] @ weights)]

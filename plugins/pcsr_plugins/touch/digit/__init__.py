@@ -1,6 +1,6 @@
 """A fingertip pressed onto the object, simulated by ray casting (TAPSR, Sec. 4.1; DIGIT: Lambeta et al., 2020).
 
-docs/touch.md describes the model and says where its figures come from.
+docs/touch.md describes the model and the sources of its figures.
 """
 
 from typing import Annotated
@@ -94,8 +94,8 @@ class Digit(TouchSource):
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
 
         Raises:
-            UserError: the mesh has no surface, is smaller than the gel, or a touch found no place in `tries`; too many
-                points in all.
+            UserError: the mesh has no surface, is smaller than the gel, or none of `tries` candidates allowed a touch;
+                too many points in all.
         """
         if count * self.hand.points > MOST_POINTS:
             raise UserError(
@@ -108,20 +108,20 @@ class Digit(TouchSource):
         if self.hand.policy.use == "sparse" and not np.isfinite(seen).all():
             raise UserError(f"{item.name}: its cloud has a coordinate that is not finite: policy 'sparse' needs all")
         found: list[Touch] = []
-        felt = np.zeros((0, 3))
+        touched = np.zeros((0, 3))
         rngs = [np.random.default_rng((seed, number)) for number in range(count)]
-        for number, places in enumerate(self.hand.places(rays, rngs)):
-            touch = self.hand.touch(rays, places, seen, felt, rngs[number])
+        for number, candidates in enumerate(self.hand.candidates(rays, rngs)):
+            touch = self.hand.touch(rays, candidates, seen, touched, rngs[number])
             if not isinstance(touch, Touch):
                 tries = self.hand.policy.tries
                 raise UserError(
                     f"{item.name}: touch 'digit' found {number} of {count} touches, then none of {tries} "
-                    f"places would do ({', '.join(f'{times} {why}' for why, times in touch.items())}); at "
+                    f"candidates would do ({', '.join(f'{times} {why}' for why, times in touch.items())}); at "
                     f"{rays.size:.4g} mm the object is too small, thin or hollow for sensor '{self.sensor.name}': "
                     f"raise object_size, lower {self.hand.rule[0]} or leave the object out"
                 )
             found.append(touch)
-            felt = np.concatenate([felt, (touch.points - rays.to_object[:3, 3]) * rays.unit])
+            touched = np.concatenate([touched, (touch.points - rays.to_object[:3, 3]) * rays.unit])
         return found
 
     def _check_size(self, rays: MeshRays, name: str) -> None:

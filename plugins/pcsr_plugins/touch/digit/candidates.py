@@ -1,4 +1,4 @@
-"""Where a touch may be tried: random places of the surface, and how the sensor would stand on them."""
+"""Candidates of a touch: random points of the surface, with a pose of the sensor at each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from pcsr.geometry.rays import MeshRays
 
 
 @dataclass(frozen=True)
-class Places:
+class Candidates:
     """Candidates of one touch, in the frame of the rays, in mm."""
 
     points: Float[np.ndarray, "p 3"]
@@ -20,7 +20,7 @@ class Places:
     presses: Float[np.ndarray, " p"]
     """How deep to press there."""
     open: Bool[np.ndarray, " p"]
-    """True where the place is the first thing that the sensor's axis meets."""
+    """True where the candidate is the first point that the sensor's axis meets."""
 
     @classmethod
     def draw(
@@ -30,7 +30,7 @@ class Places:
         tilt: float,
         press: tuple[float, float],
         rngs: Sequence[np.random.Generator],
-    ) -> list["Places"]:
+    ) -> list["Candidates"]:
         """`count` of them for each of several touches, their rays cast at once.
 
         Args:

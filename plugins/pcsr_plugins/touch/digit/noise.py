@@ -58,8 +58,8 @@ class Noise(Options):
         if self.blur > 0:
             measured = blurred(measured, contact, self.blur / pitch)
         if self.drift > 0:
-            places = (np.argwhere(contact) - (np.array(contact.shape) - 1) / 2) * pitch
-            field = smooth_field(places, self.drift_length, drifting)
+            positions = (np.argwhere(contact) - (np.array(contact.shape) - 1) / 2) * pitch
+            field = smooth_field(positions, self.drift_length, drifting)
             measured[contact] += self.drift * field
         # One number for each pixel, in contact or not: the numbers do not depend on the contact.
         measured[contact] += self.depth_noise * white.normal(size=heights.shape)[contact]
@@ -91,12 +91,14 @@ def blurred(
     return np.where(contact, total / np.where(contact, weight, 1.0), heights)
 
 
-def smooth_field(places: Float[np.ndarray, "p 2"], length: float, rng: np.random.Generator) -> Float[np.ndarray, " p"]:
+def smooth_field(
+    positions: Float[np.ndarray, "p 2"], length: float, rng: np.random.Generator
+) -> Float[np.ndarray, " p"]:
     """A random field with standard deviation 1 and the correlation exp(-d² / (2 length²)) at distance d.
 
     A sum of plane waves whose wave vectors are normal: the field is the same whatever the pixels.
     """
     waves = rng.normal(size=(2, WAVES)) / length
     phases = rng.uniform(0, 2 * np.pi, WAVES)
-    field: Float[np.ndarray, " p"] = np.sqrt(2 / WAVES) * np.cos(places @ waves + phases).sum(1)
+    field: Float[np.ndarray, " p"] = np.sqrt(2 / WAVES) * np.cos(positions @ waves + phases).sum(1)
     return field

@@ -12,7 +12,7 @@ from pcsr import Choice
 Policy = Literal["uniform", "spread", "sparse", "grasp"]
 
 NEIGHBOURS = 4
-"""A place is as sparse as the mean distance to so many of the nearest known points."""
+"""Number of nearest known points whose mean distance is a candidate's sparsity."""
 OPPOSING = 3
 """Fingers that a grasp sets against its thumb."""
 
@@ -31,39 +31,39 @@ class PolicyOptions(Choice):
 
 def order(
     policy: Policy,
-    places: Float[np.ndarray, "p 3"],
-    felt: Float[np.ndarray, "f 3"],
+    candidates: Float[np.ndarray, "p 3"],
+    touched: Float[np.ndarray, "f 3"],
     seen: Float[np.ndarray, "s 3"],
 ) -> Int[np.ndarray, " p"]:
     """Indices of the candidates, the first to be tried first. All lengths are in one unit.
 
     Args:
-        policy: "spread": the farther from what was felt the earlier. "sparse": the fewer points, felt or seen,
-            lie about a place the earlier. Otherwise the candidates stay as they were drawn, as they do for
-            "spread" as long as nothing was felt.
-        places: random places of the surface.
-        felt: points of earlier touches.
+        policy: "spread": those farthest from touched points first. "sparse": those with the fewest points, touched or
+            seen, around them first. Otherwise the candidates stay as they were drawn, as they do for
+            "spread" before the first touch.
+        candidates: random points of the surface.
+        touched: points of earlier touches.
         seen: points of the visual cloud.
     """
     if policy == "spread":
-        return farthest_first(places, felt, 1)
+        return farthest_first(candidates, touched, 1)
     if policy == "sparse":
-        return farthest_first(places, np.concatenate([seen, felt]), NEIGHBOURS)
-    return np.arange(len(places))
+        return farthest_first(candidates, np.concatenate([seen, touched]), NEIGHBOURS)
+    return np.arange(len(candidates))
 
 
 def farthest_first(
-    places: Float[np.ndarray, "p 3"], known: Float[np.ndarray, "k 3"], neighbours: int
+    candidates: Float[np.ndarray, "p 3"], known: Float[np.ndarray, "k 3"], neighbours: int
 ) -> Int[np.ndarray, " p"]:
     """By the mean distance to the nearest few known points, descending; equals and all without any as they were."""
-    if len(known) == 0 or len(places) == 0:
-        return np.arange(len(places))
-    distances, _ = KDTree(known).query(places, k=list(range(1, min(neighbours, len(known)) + 1)))
+    if len(known) == 0 or len(candidates) == 0:
+        return np.arange(len(candidates))
+    distances, _ = KDTree(known).query(candidates, k=list(range(1, min(neighbours, len(known)) + 1)))
     return np.argsort(-distances.mean(1), kind="stable")
 
 
 def opposing(
-    place: Float[np.ndarray, "3"],
+    point: Float[np.ndarray, "3"],
     frame: Float[np.ndarray, "3 3"],
     housing: tuple[float, float],
     spacing: float,
@@ -75,7 +75,7 @@ def opposing(
     are in a row.
 
     Args:
-        place: the thumb's, in mm.
+        point: the thumb's, in mm.
         frame: the thumb's axes as columns.
         housing: its sides along x and y, in mm.
         spacing: between the fingers' axes, in mm.
@@ -89,4 +89,4 @@ def opposing(
     across = np.cross(axis, row)  # row, across, axis: right-handed
     turned = np.stack([row, across, axis] if housing[0] < housing[1] else [-across, row, axis], axis=-1)
     steps = (np.arange(OPPOSING) - (OPPOSING - 1) / 2) * spacing
-    return place + steps[:, None] * row, turned
+    return point + steps[:, None] * row, turned

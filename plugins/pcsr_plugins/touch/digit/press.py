@@ -70,7 +70,7 @@ class Finger:
         self._few = few.ravel()
 
     def press(
-        self, rays: MeshRays, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], depth: float
+        self, rays: MeshRays, point: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], depth: float
     ) -> Contact | None:
         """Come down along z from far outside until something is met, then `depth` further.
 
@@ -78,28 +78,28 @@ class Finger:
 
         Args:
             rays: the object.
-            place: any point on the sensor's axis, in mm.
+            point: any point on the sensor's axis, in mm.
             frame: the sensor's axes as columns; z points away from the object.
             depth: in mm.
 
         Returns:
             None where the housing is in the way, or nothing is met.
         """
-        landing = self._land(rays, place, frame, depth)
+        landing = self._land(rays, point, frame, depth)
         if landing is None:
             return None
-        face, felt = landing
+        face, surface = landing
         limit = depth if self.sensor.senses == "pressure" else 0.0
         if self.sensor.distance is None:
-            seen = np.column_stack([self.gel, felt - face])
+            seen = np.column_stack([self.gel, surface - face])
         else:
-            face, seen = self._look(rays, place, frame, face, limit, self.sensor.distance)
+            face, seen = self._look(rays, point, frame, face, limit, self.sensor.distance)
         pressed = (seen[:, 2] - self.sag(seen)).reshape(self.shape)
         if self.sensor.reach is None:
             mask = _connected(pressed, max(CONTACT[0] * depth, CONTACT[1]), limit + 1e-6)
         else:
             mask = (pressed <= 1e-6) & (seen[:, 2].reshape(self.shape) >= -self.sensor.reach)
-        return Contact(self.sensor, matrix(frame, place + frame[:, 2] * face), seen.reshape(*self.shape, 3), mask)
+        return Contact(self.sensor, matrix(frame, point + frame[:, 2] * face), seen.reshape(*self.shape, 3), mask)
 
     def sag(self, points: Float[np.ndarray, "p _"]) -> Float[np.ndarray, " p"]:
         """How far the unpressed face falls behind its centre at each x, y, in mm."""
@@ -109,38 +109,38 @@ class Finger:
         return fallen
 
     def _land(
-        self, rays: MeshRays, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], depth: float
+        self, rays: MeshRays, point: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], depth: float
     ) -> tuple[float, Float[np.ndarray, " pixels"]] | None:
-        """How high above the place the face's centre comes to rest, and how high the object is at each pixel.
+        """Height above the point at which the face's centre comes to rest, and the object's height at each pixel.
 
         Both by parallel rays; None where the face cannot get there.
         """
 
         def heights(at: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, " p"]:
-            return rays.heights(place + at @ frame[:, :2].T, np.broadcast_to(frame[:, 2], (len(at), 3)))
+            return rays.heights(point + at @ frame[:, :2].T, np.broadcast_to(frame[:, 2], (len(at), 3)))
 
         proximity = self.sensor.senses == "proximity"
         first = heights(np.concatenate([self.rim, self.gel if proximity else self.gel[self._few]]))
-        of_rim, felt = np.split(first, [len(self.rim)])
+        of_rim, surface = np.split(first, [len(self.rim)])
         beside = float(of_rim.max(initial=-np.inf)) - self.sensor.protrusion
         if proximity:
             # A rigid finger stops at whatever is met, by its housing too.
-            face = max(float((felt - self.sag(self.gel)).max()), beside)
-            return (face, felt) if np.isfinite(face) else None
-        # What stands highest is met first, be it the place or not; from there on the gel is pressed.
-        lowest = float((felt - self.sag(self.gel[self._few])).max()) - depth
-        bound, looked = promising(self.sensor, rays, place, frame, lowest)
+            face = max(float((surface - self.sag(self.gel)).max()), beside)
+            return (face, surface) if np.isfinite(face) else None
+        # The highest point is met first, wherever it is; from there on the gel is pressed.
+        lowest = float((surface - self.sag(self.gel[self._few])).max()) - depth
+        bound, looked = promising(self.sensor, rays, point, frame, lowest)
         if beside > bound - depth:
             return None
-        felt = np.full(len(self.gel), -np.inf)
-        felt[looked] = heights(self.gel[looked])
-        face = float((felt - self.sag(self.gel)).max()) - depth
-        return (face, felt) if np.isfinite(face) and beside <= face else None
+        surface = np.full(len(self.gel), -np.inf)
+        surface[looked] = heights(self.gel[looked])
+        face = float((surface - self.sag(self.gel)).max()) - depth
+        return (face, surface) if np.isfinite(face) and beside <= face else None
 
     def _look(
         self,
         rays: MeshRays,
-        place: Float[np.ndarray, "3"],
+        point: Float[np.ndarray, "3"],
         frame: Float[np.ndarray, "3 3"],
         face: float,
         limit: float,
@@ -152,7 +152,7 @@ class Finger:
         """
         directions = np.column_stack([self.gel, np.full(len(self.gel), -distance)]) @ frame.T
         for cast in range(CASTS):
-            camera = place + frame[:, 2] * (face + distance)
+            camera = point + frame[:, 2] * (face + distance)
             # In multiples of the distance along z: a depth of 1 is at the face.
             depths = rays.depths(np.broadcast_to(camera, directions.shape), directions)
             at = self.gel * np.where(np.isfinite(depths), depths, 1.0)[:, None]
@@ -173,7 +173,7 @@ def matrix(frame: Float[np.ndarray, "3 3"], origin: Float[np.ndarray, "3"]) -> F
 
 
 def _rim(sensor: Sensor) -> Float[np.ndarray, "p 2"]:
-    """Places on the housing around what is seen of the face, at most 1.5 mm apart, in mm."""
+    """Points on the housing around what is seen of the face, at most 1.5 mm apart, in mm."""
     x, y = (np.linspace(-side / 2, side / 2, math.ceil(side / 1.5) + 1) for side in sensor.housing)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     return grid[(np.abs(grid[:, 0]) > sensor.width / 2) | (np.abs(grid[:, 1]) > sensor.height / 2)]

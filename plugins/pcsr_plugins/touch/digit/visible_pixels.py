@@ -11,7 +11,7 @@ FACES = 1
 
 
 def promising(
-    sensor: Sensor, rays: MeshRays, place: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], lowest: float
+    sensor: Sensor, rays: MeshRays, point: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"], lowest: float
 ) -> tuple[float, Bool[np.ndarray, " pixels"]]:
     """A bound on how high the object reaches below the gel, and which pixels may see it above `lowest`.
 
@@ -21,17 +21,17 @@ def promising(
     Args:
         sensor: its pixels.
         rays: the object.
-        place: a point on the sensor's axis, in mm.
+        point: on the sensor's axis, in mm.
         frame: the sensor's axes as columns.
-        lowest: height above the place along z, in mm.
+        lowest: height above the point along z, in mm.
 
     Returns:
-        Height above the place in mm; the pixels row by row. Where a look would not pay, inf and all pixels.
+        Height above the point in mm; the pixels row by row. Where a look would not pay, inf and all pixels.
     """
     columns, rows = sensor.pixels
     if rays.faces > FACES * columns * rows:
         return np.inf, np.ones(columns * rows, bool)
-    low, high = rays.boxes(place, frame)
+    low, high = rays.boxes(point, frame)
     # Embree finds triangles in float32: what it meets may lie a little beside them.
     margin, middle = 1e-5 * rays.reach, (np.array(sensor.pixels) - 1) / 2
     first = np.ceil((low[:, :2] - margin) / sensor.pitch + middle).clip(min=0)
