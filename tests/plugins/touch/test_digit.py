@@ -346,7 +346,9 @@ def test_a_surface_that_nothing_can_reach_is_refused_with_the_reasons():
             bars.append(trimesh.creation.box(bar, trimesh.transformations.translation_matrix(at)))
     cage = trimesh.util.concatenate([ball, *bars])
     reasons = r"\d+ behind other parts of the object, \d+ without room .*, \d+ with less contact than 30 mm²"
-    with pytest.raises(UserError, match=rf"part-3: .* 0 of 1 touches, then none of 100 candidates would do \({reasons}\)"):
+    with pytest.raises(
+        UserError, match=rf"part-3: .* 0 of 1 touches, then none of 100 candidates would do \({reasons}\)"
+    ):
         touch(cage, at_least_area=30.0)
     assert touch(ball, at_least_area=30.0)
 
