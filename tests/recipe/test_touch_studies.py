@@ -105,5 +105,5 @@ def test_rows_share_their_data(rows, plugins):
     assert rows["size"][0].data.touch.options["object_size"] == 30.0
     assert at_30 == prints["sensor"][1] == prints["policy"][0]
     sets = {one for of in prints.values() for one in of}
-    page = (RECIPES.parent / "docs" / "when-touch-helps.md").read_text(encoding="utf-8")
+    page = (RECIPES.parents[1] / "docs" / "when-touch-helps.md").read_text(encoding="utf-8")
     assert f"There are {sum(map(len, rows.values()))} rows on {len(sets)} sets of data" in page
