@@ -32,9 +32,9 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     Raises:
         RecipeError: it has mistakes; all of them.
     """
-    source = source.copy()
+    source = _with_defaults(source)
     modernize(source)
-    data = _with_defaults(source)
+    data = source.data
     mistakes: list[Mistake] = []
     for keys, kind in PARTS.items():
         section = data.get(str(keys[0]))
@@ -86,10 +86,10 @@ def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Reci
     return check(source, registry, MODEL)
 
 
-def _with_defaults(source: Source) -> dict[str, Any]:
+def _with_defaults(source: Source) -> Source:
     defaults = {section: parts for section, parts in DEFAULTS.items() if section not in source.data}
     defaults |= {section: DEFAULTS[section] for section in ("data", "train")}
-    return merge(Source(defaults, {(): source.values[()]}), source).data
+    return merge(Source(defaults, {(): source.values[()]}), source)
 
 
 def _part(

@@ -110,6 +110,13 @@ def test_the_options_of_a_choice_stay_with_its_name_and_go_with_it(options, sens
     assert (chosen.use, chosen.width) == sensor
 
 
+@pytest.mark.filterwarnings("ignore::pcsr.PcsrWarning")
+def test_an_old_option_of_a_part_that_is_not_named_is_read():
+    chosen = for_data("cad-parts", {}, REGISTRY, ["touch.blur=0.2", "touch.sensor=digit-tacto", "touch.tries=9"])
+    noise, policy = (chosen.data.touch.options[group] for group in ("noise", "policy"))
+    assert (noise.blur, policy.tries, chosen.data.touch.options["sensor"].use) == (0.2, 9, "digit-tacto")
+
+
 @pytest.mark.parametrize(
     ("touch", "said"),
     [
