@@ -17,7 +17,7 @@ COG := $(BIN)/cog --verbosity=1 -U -I docs -p "import tables"
 .PHONY: run test test-numeric check pages docs bench clean
 
 run: .venv/.installed
-	$(BIN)/pcsr run recipes/pretrained.yaml
+	$(BIN)/pcsr run pretrained
 
 test: .venv/.installed
 	$($(PROCESSOR)) $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)

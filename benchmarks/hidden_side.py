@@ -25,14 +25,14 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.weights import DEFAULT
 
-RECIPE = Path(__file__).parents[1] / "recipes" / "touch" / "occlusion.yaml"
+RECIPE = Path(__file__).parents[1] / "pcsr/recipes" / "touch" / "occlusion.yaml"
 
 
 def samples(touches: int, settings: Sequence[str]) -> list[Sample]:
     """The test parts of the recipe's row of policy `sparse` and so many touches."""
     registry = load_plugins()
     rows = [row for row in load(RECIPE, registry, settings) if row.data.touches == touches]
-    recipe = next((row for row in rows if row.data.touch.options["policy"] == "sparse"), None)
+    recipe = next((row for row in rows if row.data.touch.options["policy"].use == "sparse"), None)
     if recipe is None:
         raise UserError("--set leaves no row of policy 'sparse': the other side is where the cloud is sparse")
     shapes = recipe.data.shapes.build(registry, "shapes")

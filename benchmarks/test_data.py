@@ -18,7 +18,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
-from pcsr_plugins.touch.hand import Hand
+from pcsr_plugins.touch.digit.hand import Hand
 
 OBJECTS, PAPER = 200, 12_732
 SPLIT = 24

@@ -11,12 +11,13 @@ from pcsr import ShapeItem
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
-from pcsr_plugins.touch.press import Finger
+from pcsr_plugins.touch.digit.press import Finger
+from pcsr_plugins.touch.digit.sensors import SensorOptions
 
 CLOUD = np.zeros((1, 3))
 TOUCHES = 40
 RAYS = 121
-DIGIT = {"width": 16.0, "height": 16.0, "pixels": RAYS}
+DIGIT = {"sensor": SensorOptions(width=16.0, height=16.0, pixels=RAYS)}
 
 
 def part_of_10_000_triangles():

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from pcsr.errors import UserError
 from pcsr.metrics.touch_effect import TouchEffect
+from pcsr.recipe.old_names import as_in_0_1
 from pcsr.report.tables.scores import scaled
 from pcsr.results import Results, read_results
 
@@ -136,7 +137,8 @@ def _row(run: Results, kept: Sequence[int]) -> Row:
     if run.touch is None or METRIC not in run.metrics or not run.recipe.get("weights"):
         raise UserError(f"run '{run.name}' has no touches, no {METRIC} or no weights: run its study again")
     scale = run.metrics[METRIC].scale
-    settings = {key: _setting(run.recipe, key) for key in HEADS}
+    recipe = as_in_0_1(run.recipe)  # which old runs have, and new ones can be brought into
+    settings = {key: _setting(recipe, key) for key in HEADS}
     touched, plain, replaced = (
         scale * np.array(values)[kept] for values in (run.touch.touched, run.touch.plain, run.touch.replaced)
     )

@@ -17,6 +17,7 @@ from pcsr.clouds.touch import covered_area_share
 from pcsr.geometry.sampling import surface_points
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit.sensors import SensorOptions
 
 SENSORS = ("digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021")
 POLICIES = ("uniform", "spread", "sparse", "grasp")
@@ -63,7 +64,7 @@ if __name__ == "__main__":
     counts = ("1 touch", *(str(k) for k in range(2, 6)))
     rows = []
     for sensor in SENSORS:
-        digits = [Digit(sensor=sensor, object_size=size) for size in (60.0, 320.0)]
+        digits = [Digit(sensor=SensorOptions(use=sensor), object_size=size) for size in (60.0, 320.0)]
         found = [[touches for _, touches in felt(digit, parts[:24], 2) if touches] for digit in digits]
         rows.append([f"`{sensor}`", *map(contacts, found)])
     title = "contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"

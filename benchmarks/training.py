@@ -20,7 +20,7 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 
-RECIPE = Path(__file__).parents[1] / "recipes" / "tapsr.yaml"
+RECIPE = Path(__file__).parents[1] / "pcsr/recipes" / "tapsr.yaml"
 BATCH = 8
 
 

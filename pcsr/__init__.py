@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
+        Baseline,
         Encoder,
         Fusion,
+        Metric,
         Objective,
         ShapeItem,
         ShapeSource,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
     from pcsr.model import Model, load
+    from pcsr.options import Choice, Options
     from pcsr.plugins.registry import Register
     from pcsr.weights.file import read_card
 
@@ -45,12 +48,15 @@ _HOMES = {
     "evaluate": "pcsr.metrics.one_cloud",
     "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
+    **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
             "Backbone",
+            "Baseline",
             "Encoder",
             "Fusion",
+            "Metric",
             "ShapeItem",
             "Objective",
             "ShapeSource",
@@ -67,11 +73,15 @@ _HOMES = {
 
 __all__ = [
     "Backbone",
+    "Baseline",
+    "Choice",
     "Encoder",
     "Fusion",
     "Grafted",
+    "Metric",
     "Model",
     "Objective",
+    "Options",
     "PcsrError",
     "PcsrWarning",
     "Register",

@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.tensors import Dense, Features, Points, TouchFeatures, TouchMask, TouchPoints
+from pcsr.tensors import Dense, Features, Mesh, Points, TouchFeatures, TouchMask, TouchPoints
 
 if TYPE_CHECKING:
     import trimesh  # which takes ray caster and solid modeller with it, and networks need none
@@ -391,3 +391,49 @@ class TouchSource(Part):
         Nothing does, by default: a simulation follows from its options and the seed.
         """
         return ""
+
+
+class Metric(Part):
+    """Error of a dense cloud beside the truth. Lower is better, and 0 is perfect. The constructor takes nothing."""
+
+    description: ClassVar[str]
+    """What it measures, in a line of a table."""
+    scale: ClassVar[int] = 1000
+    """Factor of the values in tables."""
+    needs_mesh: ClassVar[bool] = False
+    """True where `measure` needs the true surface."""
+
+    def measure(
+        self, prediction: Float[Tensor, "p 3"], target: Float[Tensor, "t 3"], mesh: Mesh | None = None
+    ) -> float:
+        """Error of one cloud, unscaled.
+
+        Args:
+            prediction: the cloud to judge.
+            target: the true cloud; it may have another number of points.
+            mesh: vertices and faces of the true surface, in the frame of the clouds. None where it is not known.
+
+        Raises:
+            UserError: these clouds cannot be compared by it.
+        """
+        raise NotImplementedError
+
+
+class Baseline(Part):
+    """Upsampling without learning, which networks are compared with. The constructor takes nothing."""
+
+    needs_mesh: ClassVar[bool] = False
+    """True where `upsample` needs the true surface: a bound then, rather than a method."""
+
+    def upsample(
+        self, points: Float[np.ndarray, "n 3"], rate: int, mesh: Mesh | None, rng: np.random.Generator
+    ) -> Float[np.ndarray, "rn 3"]:
+        """Dense cloud of `rate` times as many points.
+
+        Args:
+            points: the sparse cloud.
+            rate: points of the dense cloud for each of them.
+            mesh: vertices and faces of the true surface, in the frame of the cloud; None unless `needs_mesh`.
+            rng: of the object alone, independent of the truth.
+        """
+        raise NotImplementedError

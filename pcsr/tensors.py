@@ -10,10 +10,22 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-__all__ = ["CloudArray", "Dense", "Features", "Neighbours", "Points", "TouchFeatures", "TouchMask", "TouchPoints"]
+__all__ = [
+    "CloudArray",
+    "Dense",
+    "Features",
+    "Mesh",
+    "Neighbours",
+    "Points",
+    "TouchFeatures",
+    "TouchMask",
+    "TouchPoints",
+]
 
 CloudArray = Float[np.ndarray, "_ 3"]
 """One cloud in numpy, of any number of points."""
+Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
+"""Vertices and faces of a triangle mesh."""
 
 Points = Float[Tensor, "b n 3"]
 """Coordinates of a batch of clouds."""

@@ -22,7 +22,7 @@ from pcsr.recipe.part_keys import PARTS
 from pcsr.upsample.candidates import TOUCH_POINTS, Networked
 from pcsr.weights import shipped
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes" / "smoke.yaml"
 SIMULATION = ("embreex", "manifold3d", "pcsr_plugins.touch", "pcsr_plugins.shapes", "pcsr.geometry.rays", "pcsr.data")
 TRAINING = """
 from pcsr import Objective, ShapeSource, TouchSource, hookimpl

@@ -18,7 +18,7 @@ from pcsr.recipe import load
 from pcsr.results import MethodResult, write_results
 from pcsr.run_files import FinishedRun, write_run
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes" / "smoke.yaml"
 OBJECTS = 3
 
 

@@ -14,6 +14,7 @@ from shading import View, save
 
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit.noise import Noise
 
 PART = "test/handwheel/0001"
 SIZE = 360
@@ -33,7 +34,7 @@ def outline(pose: Float[np.ndarray, "4 4"], width: float, height: float) -> Floa
 
 if __name__ == "__main__":
     item = CadParts().item(PART)
-    digit = Digit(points=4000, depth_noise=0.0)
+    digit = Digit(points=4000, noise=Noise(depth_noise=0.0))
     touch = digit.touches(item, np.zeros((1, 3)), 1, seed=2)[0]
     pose = touch.poses[0]
     edge = outline(pose, digit.sensor.width, digit.sensor.height)

@@ -113,13 +113,14 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
 
 def _recipe(shapes: str, overrides: tuple[str, ...], registry: "Registry") -> "Recipe":
     from pcsr.recipe import for_data, load
+    from pcsr.recipes import names as recipe_names
 
     if not shapes:
         raise UserError("SHAPES is empty: name a folder of meshes, a recipe or a shape source such as cad-parts")
     names = registry.names("shapes")
     if shapes in names:
         return for_data(shapes, {}, registry, overrides)
-    if shapes.endswith((".yaml", ".yml")):
+    if shapes.endswith((".yaml", ".yml")) or (shapes in recipe_names() and not Path(shapes).is_dir()):
         recipes = load(Path(shapes), registry, [f"data.{override}" for override in overrides])
         if len(recipes) != 1:
             raise UserError(f"{shapes} describes {len(recipes)} runs: use a recipe of one run, without a matrix")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from pcsr.cli.options import FILE, complete_metric
+from pcsr.cli.options import FILE, PLUGIN, complete_metric
 
 
 @click.command()
@@ -30,9 +30,16 @@ from pcsr.cli.options import FILE, complete_metric
     shell_complete=complete_metric,
     help="Compute only this metric. May be repeated.  [default: all that are possible]",
 )
+@click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Python file with metrics.")
 @click.option("--json", "plain", is_flag=True, help="Print the unscaled values as JSON.")
 def evaluate(
-    prediction: Path, truth: Path, mesh: Path | None, frame: str, metrics: tuple[str, ...], plain: bool
+    prediction: Path,
+    truth: Path,
+    mesh: Path | None,
+    frame: str,
+    metrics: tuple[str, ...],
+    plugins: tuple[Path, ...],
+    plain: bool,
 ) -> None:
     """Measure a cloud against the true one.
 
@@ -44,21 +51,20 @@ def evaluate(
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.meshes import read_mesh
-    from pcsr.metrics import METRICS
     from pcsr.metrics.one_cloud import evaluate as measure
-    from pcsr.metrics.one_cloud import why_no_emd
+    from pcsr.metrics.one_cloud import named, why_no_emd
 
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)
-    values = measure(*clouds, surface, frame=frame, metrics=metrics or None)
+    values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
         click.echo(f"skipped: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))
         return
     table = Table("metric", "value", "description", box=box.SIMPLE_HEAD, caption=_frame(frame))
-    for name, value in values.items():
-        metric = METRICS[name]
+    for name, metric in named(list(values), plugins).items():
+        value = values[name]
         table.add_row(name, f"{value * metric.scale:.4g} ×10⁻³", metric.description)
     Console().print(table)
 

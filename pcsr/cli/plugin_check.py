@@ -142,17 +142,22 @@ def _options(entry: "Entry", overrides: tuple[str, ...]) -> dict[str, Any]:
     if not overrides:  # options that cannot be read are then reported by a check
         return {}
     model = options_model(entry.load())
-    given = {}
+    given: dict[str, Any] = {}
     for override in overrides:
         key, equals, value = override.partition("=")
         key = key.strip()
         place = f"--set {shortened(override, 200)}"
         if not equals:
             raise UserError(f"{place}: write KEY=VALUE")
-        if key not in model.model_fields:
-            remedy = did_you_mean(key, model.model_fields)
-            raise UserError(f"{place}: {entry.kind} '{entry.name}' takes no {shown(key)}: {remedy}")
-        given[key] = scalar(value, Location(place))
+        name, *inner = key.split(".")
+        if name not in model.model_fields:
+            remedy = did_you_mean(name, model.model_fields)
+            raise UserError(f"{place}: {entry.kind} '{entry.name}' takes no {shown(name)}: {remedy}")
+        plain = scalar(value, Location(place))
+        for one in reversed(inner):
+            plain = {one: plain}
+        both = isinstance(plain, dict) and isinstance(given.get(name), dict)
+        given[name] = given[name] | plain if both else plain
     try:
         checked = model.model_validate_json(json.dumps(given))
     except (TypeError, ValidationError) as error:

@@ -24,8 +24,12 @@ SECTIONS = {
     "objective": "train",
     "touch": "data",
     "shapes": "data",
+    "metric": "evaluate",
+    "baseline": "evaluate",
 }
-"""Each kind of part, with the section of a recipe that names parts of this kind."""
+"""Each kind of part, and the section of a recipe that names one."""
+LISTED = {"metric": "metrics", "baseline": "baselines"}
+"""Kinds that a recipe names in a list, and the key of that list."""
 
 LONGEST = 100
 """Greatest length of a part's name in characters."""
@@ -88,6 +92,9 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     module = name.replace("-", "_").lower()
     part = "".join(word[0].upper() + word[1:] for word in name.split("-"))
     values = {"kind": kind, "name": name, "module": module, "section": SECTIONS[kind], "version": __version__}
+    values |= {"setting": f"{SECTIONS[kind]}.{kind}={name}", "line": f"{kind}: {{use: {name}}}"}
+    if kind in LISTED:
+        values |= {"setting": f"'{SECTIONS[kind]}.{LISTED[kind]}=[{name}]'", "line": f"{LISTED[kind]}: [{name}]"}
     source = _template(f"{kind}.py.txt")
     if keyword.iskeyword(module) or keyword.iskeyword(part) or part in _names(source.substitute(values, part="_")):
         raise UserError(f"name '{name}': module {module} or class {part} has another meaning: choose another")

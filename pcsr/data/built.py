@@ -13,7 +13,6 @@ from pcsr.data.dataset import Split
 from pcsr.data.schema import Manifest
 from pcsr.data.shards import read_manifest
 from pcsr.errors import UserError
-from pcsr.metrics import METRICS
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import PARTS, Recipe, from_resolved
 
@@ -123,7 +122,7 @@ class BuiltData:
         """
         self._check_touches(recipe)
         testing = self.holders("test")
-        self._check_meshes(recipe, testing)
+        self._check_meshes(recipe, testing, registry)
         data = self.manifests[testing[0] if testing else 0].data.model_dump(mode="json")
         if len({manifest.data.sampling for manifest in self.manifests}) > 1:
             data["sampling"] = "mixed"
@@ -148,10 +147,9 @@ class BuiltData:
                     f"build it with --set touches={needed}, or lower data.touches and train.touches"
                 )
 
-    def _check_meshes(self, recipe: Recipe, testing: Sequence[int]) -> None:
+    def _check_meshes(self, recipe: Recipe, testing: Sequence[int], registry: Registry) -> None:
         """Check that the meshes, if the evaluation needs them, all come from the same shape source."""
-        needs_mesh = {name for name, metric in METRICS.items() if metric.needs_mesh} | {"floor"}
-        users = [name for name in (*recipe.evaluate.metrics, *recipe.evaluate.baselines) if name in needs_mesh]
+        users = recipe.measured_on_meshes(registry)
         shapes = (self.manifests[number].data.shapes.model_dump(mode="json") for number in testing)
         sources = {json.dumps(one, sort_keys=True) for one in shapes}
         if users and len(sources) > 1:

@@ -12,6 +12,7 @@ from pcsr.errors import UserError
 from pcsr.extras import require
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import PartSpec, Recipe
+from pcsr.recipe.old_names import part_as_in_0_1
 
 FORMAT = 1
 """Of the files; raised when they change, and with it every fingerprint."""
@@ -99,5 +100,7 @@ def packages(recipe: Recipe, registry: Registry) -> dict[str, str]:
 
 
 def _decisive(spec: PartSpec, part: TouchSource) -> dict[str, Any]:
-    options = {key: value for key, value in spec.options.items() if key not in part.path_options}
-    return {"use": spec.use, "version": part.version, "options": options}
+    plain = spec.model_dump(mode="json")
+    options = {key: value for key, value in plain["options"].items() if key not in part.path_options}
+    old = part_as_in_0_1("touch", {"use": spec.use, **options})
+    return {"use": old.pop("use"), "version": part.version, "options": old}

@@ -2,25 +2,22 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float
 
-from pcsr.contracts import ShapeSource
+from pcsr.contracts import Baseline, Metric, ShapeSource
 from pcsr.data.dataset import Split
 from pcsr.data.sample import covered_points, item_seed
-from pcsr.geometry.interpolation import midpoint
-from pcsr.geometry.sampling import poisson_points
-from pcsr.metrics import METRICS, Mesh
 from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.network.network import Network
-from pcsr.plugins.registry import Registry
+from pcsr.plugins.registry import FILE, Registry
 from pcsr.recipe import Recipe
 from pcsr.results import MethodResult, validated
+from pcsr.tensors import Mesh
 from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_as
 from pcsr.workers import worker_pool
@@ -37,8 +34,10 @@ class Method:
     upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
     """Function of the sparse cloud and the touches, in one frame, that returns the dense cloud in that frame.
 
-    None: the method samples the true surface (`floor`).
+    None: `bound` is called instead.
     """
+    bound: Baseline | None = None
+    """Baseline that also gets the true surface: a bound of what upsampling can reach."""
 
 
 @dataclass(frozen=True)
@@ -57,45 +56,39 @@ class Evaluation:
     """Load average of the machine over the minute before; None where the system has none."""
 
 
-def methods(recipe: Recipe, network: Network) -> list[Method]:
+def methods(recipe: Recipe, network: Network, registry: Registry) -> list[Method]:
     """The recipe's network, and the baselines that the recipe names."""
-    rate = recipe.data.rate
-    passes = 2 if rate >= 16 else 1  # 16x as 4x twice, as is usual and much better
-    baselines = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes), "floor": None}
     ours = Method(
         recipe.name,
         network.parameter_count,
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
-    return [ours, *(Method(name, 0, baselines[name]) for name in recipe.evaluate.baselines)]
+    baselines = {name: registry.get("baseline", name)() for name in recipe.evaluate.baselines}
+    return [ours, *(_baseline_method(name, baseline, recipe) for name, baseline in baselines.items())]
 
 
-def needs_meshes(recipe: Recipe) -> bool:
-    """Whether the evaluation of a recipe needs the true surfaces."""
-    return "floor" in recipe.evaluate.baselines or _measured_on_meshes(recipe)
+def _baseline_method(name: str, baseline: Baseline, recipe: Recipe) -> Method:
+    if baseline.needs_mesh:
+        return Method(name, 0, None, baseline)
+    rate, seed = recipe.data.rate, recipe.data_seed
+    return Method(
+        name, 0, lambda points, touches: baseline.upsample(points, rate, None, np.random.default_rng([seed, 1]))
+    )
 
 
-def _measured_on_meshes(recipe: Recipe) -> bool:
-    return any(METRICS[name].needs_mesh for name in recipe.evaluate.metrics)
+def measured_by(recipe: Recipe, registry: Registry) -> dict[str, Metric]:
+    """Metrics that a recipe names, by name."""
+    return {name: registry.get("metric", name)() for name in recipe.evaluate.metrics}
 
 
-def floor(mesh: Mesh, count: int, seed: int, name: str) -> Cloud:
-    """Second sample of the true surface: the error that remains for an upsampler that knows the surface.
-
-    Blue noise, independent of the truth: its random numbers are another stream of the object's seed. An upsampler may
-    have a slightly lower error where it keeps points of a sparse cloud that is a part of the truth.
+def bound_stream(seed: int, name: str) -> np.random.Generator:
+    """Random generator for a baseline that samples the surface of an object, independent of that of the truth.
 
     Args:
-        mesh: the true surface, in the frame of the returned cloud.
-        count: number of points.
         seed: seed of the data.
         name: name of the object.
-
-    Raises:
-        UserError: the surface has no area.
     """
-    rng = np.random.default_rng([item_seed(seed, name), 1])
-    return poisson_points(trimesh.Trimesh(*mesh, process=False), count, rng)
+    return np.random.default_rng([item_seed(seed, name), 1])
 
 
 def evaluate(
@@ -124,6 +117,7 @@ def evaluate(
     Raises:
         UserError: a metric is not finite.
     """
+    metrics = measured_by(recipe, registry)
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     runs: list[_Timed] = []
@@ -139,15 +133,19 @@ def evaluate(
                     runs[-1].add(method.upsample, points, touches)
                     if position == 0 and touches:
                         plain.add(method.upsample, points, [])
-                elif mesh is not None:
-                    runs[-1].add(floor, mesh, len(split.truth[i]), recipe.data_seed, split.names[i])
+                elif method.bound is not None:
+                    stream = bound_stream(recipe.data_seed, split.names[i])
+                    runs[-1].add(method.bound.upsample, points, recipe.data.rate, mesh, stream)
                 advance()
+    # A class of a plugin file has no name that another process could import.
+    here = {name: metric for name, metric in metrics.items() if registry.entries["metric", name].version == FILE}
+    anywhere = {name: metric for name, metric in metrics.items() if name not in here}
     tasks = [
-        _Task(recipe.evaluate.metrics, cloud, truth.numpy(), mesh)
+        _Task(anywhere, cloud, truth.numpy(), mesh)
         for timed in runs
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
-    measured = _measured(tasks, jobs, advance)
+    measured = _measured(tasks, here, jobs, advance)
     touch = _touch_effect(recipe, split, compared, runs, plain) if plain.clouds else None
     results = []
     for method, timed in zip(compared, runs, strict=True):
@@ -177,7 +175,7 @@ class _Timed:
 
 @dataclass(frozen=True)
 class _Task:
-    metrics: Sequence[str]
+    metrics: Mapping[str, Metric]
     dense: Cloud
     truth: Cloud
     mesh: Mesh | None
@@ -185,7 +183,9 @@ class _Task:
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Vertices and faces of each object in the truth's frame; None if no metric and no method needs them."""
-    if not _measured_on_meshes(recipe) and all(method.upsample for method in compared):
+    if not any(registry.get("metric", name).needs_mesh for name in recipe.evaluate.metrics) and all(
+        method.upsample for method in compared
+    ):
         return [None] * len(split)
     shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
     meshes = (shapes.item(name).mesh for name in split.names)
@@ -216,19 +216,21 @@ def _touch_effect(
     )
 
 
-def _measured(tasks: Sequence[_Task], jobs: int | None, advance: Callable[[], None]) -> Iterator[dict[str, float]]:
-    """Metrics of each task, in order."""
+def _measured(
+    tasks: Sequence[_Task], here: Mapping[str, Metric], jobs: int | None, advance: Callable[[], None]
+) -> Iterator[dict[str, float]]:
+    """Metrics of each task, in order; those of `here` are computed in this process."""
     few = len(tasks) < 8  # starting processes would take longer than they save
     with worker_pool(1 if few else jobs) as workers:
-        for result in workers.map(_measure, tasks):
+        for task, result in zip(tasks, workers.map(_measure, tasks), strict=True):
             advance()
-            yield result
+            yield result | (_measure(replace(task, metrics=here)) if here else {})
 
 
 @threads(1)
 def _measure(task: _Task) -> dict[str, float]:
-    prediction, truth = _tensor(task.dense)[None], _tensor(task.truth)[None]
-    return {name: METRICS[name](prediction, truth, task.mesh) for name in task.metrics}
+    prediction, truth = _tensor(task.dense), _tensor(task.truth)
+    return {name: metric.measure(prediction, truth, task.mesh) for name, metric in task.metrics.items()}
 
 
 def _tensor(cloud: Cloud) -> Float[torch.Tensor, "n 3"]:

@@ -9,7 +9,7 @@ from pcsr.errors import UserError
 from pcsr.network.card import changed
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-from pcsr.weights import WEIGHTS, shipped
+from pcsr.weights import WEIGHTS, names, shipped
 from pcsr.weights.file import read_card
 
 
@@ -46,7 +46,7 @@ def of_recipe(recipe: Recipe, data: str, runs: Path, folder: Path) -> tuple[Path
     same_fingerprint = sorted(runs.glob(f"*-{recipe.fingerprint[:8]}/{WEIGHTS}"))
     for path, source in (
         (folder / WEIGHTS, "this run folder"),
-        (shipped(recipe.name), "shipped weights"),
+        *((shipped(name), "shipped weights") for name in names()),
         *((path, "another run of this recipe") for path in same_fingerprint),
     ):
         if path.exists():

@@ -3,6 +3,7 @@
 import datetime
 import functools
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from rich.console import Console
 
 import pcsr
 from pcsr import report
+from pcsr.contracts import Metric
 from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import Evaluation, evaluate, methods, needs_meshes
+from pcsr.experiments.evaluation import Evaluation, evaluate, measured_by, methods
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
@@ -36,11 +38,14 @@ def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[st
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
+    for kind, names in (("metric", recipe.evaluate.metrics), ("baseline", recipe.evaluate.baselines)):
+        for name in names:
+            needed |= dict.fromkeys(sorted(registry.get(kind, name).needs), f"{kind} '{name}'")
     if recipe.weights is None:
         needed |= recipe.train.objective.needs(registry, "objective")
     if not options.data:
         needed |= data_packages(recipe, registry)
-    elif needs_meshes(recipe):
+    elif recipe.measured_on_meshes(registry):
         needed |= recipe.data.shapes.needs(registry, "shapes")
     return needed
 
@@ -76,19 +81,25 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
         if recipe.evaluate.objects is not None:
             test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
-        compared = methods(recipe, network)
+        compared = methods(recipe, network, registry)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
         evaluation = evaluate(
             recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task)
         )
-    results = results_of(recipe, test, evaluation, source)
+    results = results_of(recipe, test, evaluation, source, measured_by(recipe, registry))
     finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
     write_run(finished)
     report.write_page(finished)
     return finished
 
 
-def results_of(recipe: Recipe, split: Split, evaluation: Evaluation, training: dict[str, Any]) -> Results:
+def results_of(
+    recipe: Recipe,
+    split: Split,
+    evaluation: Evaluation,
+    training: dict[str, Any],
+    metrics: Mapping[str, Metric] = METRICS,
+) -> Results:
     """The results of a run.
 
     Args:
@@ -96,6 +107,7 @@ def results_of(recipe: Recipe, split: Split, evaluation: Evaluation, training: d
         split: the objects that the methods were compared on.
         evaluation: what `evaluate` returned.
         training: origin of the weights; the fields of `pcsr.results.Training`.
+        metrics: metrics of the recipe by name; by default those of pcsr.
 
     Raises:
         UserError: a value of `training` is of the wrong type, as in a damaged card of weights.
@@ -123,8 +135,9 @@ def results_of(recipe: Recipe, split: Split, evaluation: Evaluation, training: d
             fingerprint=split.about["fingerprint"],
         ),
         metrics={
-            name: MetricNote(description=METRICS[name].description, scale=METRICS[name].scale)
-            for name in recipe.evaluate.metrics
+            name: MetricNote(description=metric.description, scale=metric.scale)
+            for name, metric in metrics.items()
+            if name in recipe.evaluate.metrics
         },
         objects=list(split.names),
         groups=list(split.groups),

@@ -6,6 +6,7 @@ from jaxtyping import Float
 
 from pcsr.errors import UserError
 from pcsr.extras import imported
+from pcsr.geometry.sampling import face_by_area, point_of_face
 
 EDGE_ON = 0.3
 """A face is nearly edge-on to a ray if the cosine between its normal and the ray is less than this."""
@@ -64,17 +65,13 @@ class MeshRays:
         triangle_mesh = imported("embreex.mesh_construction", RAYS).TriangleMesh
         triangle_mesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
 
-    def places(
+    def surface_points(
         self, count: int, rng: np.random.Generator
-    ) -> tuple[Float[np.ndarray, "places 3"], Float[np.ndarray, "places 3"]]:
-        """Points of the surface, uniform by area, in mm, and the unit normals of their faces."""
-        at = np.searchsorted(self._cumulated, rng.random(count), side="right")
-        faces = np.minimum(at, len(self._cumulated) - 1)
-        u, v = rng.random((2, count))
-        folded = u + v > 1
-        u, v = np.where(folded, 1 - u, u), np.where(folded, 1 - v, v)
-        across = u[:, None] * self._edges[0, faces] + v[:, None] * self._edges[1, faces]
-        return self._corners[faces] + across, self._normals[faces]
+    ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, "count 3"]]:
+        """Random points of the surface, uniform by area, in mm, and the unit normals of their faces."""
+        faces = face_by_area(self._cumulated, rng.random(count))
+        points = point_of_face(self._corners[faces], self._edges[:, faces].transpose(1, 0, 2), rng.random((2, count)).T)
+        return points, self._normals[faces]
 
     def heights(self, points: Float[np.ndarray, "p 3"], axes: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, " p"]:
         """Compute the height of the object's surface above each point, along its axis, as seen from far outside.

@@ -42,11 +42,35 @@ def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
     total = area.sum()
     if not (np.isfinite(total) and total > 0):
         raise UserError(f"the mesh has {len(triangles)} triangles of area {total / 2:g} in all: nothing to sample")
-    face = np.searchsorted(np.cumsum(area) / total, rng.random(count), side="right").clip(max=len(area) - 1)
-    weight = rng.random((count, 2))
-    outside = weight.sum(1, keepdims=True) > 1
-    weight = np.where(outside, 1 - weight, weight)  # fold the square onto the triangle
-    points: Float[np.ndarray, "count 3"] = triangles[face, 0] + np.einsum("nk,nkd->nd", weight, edges[face])
+    face = face_by_area(np.cumsum(area) / total, rng.random(count))
+    return point_of_face(triangles[face, 0], edges[face], rng.random((count, 2)))
+
+
+def face_by_area(
+    cumulated: Float[np.ndarray, " faces"], uniform: Float[np.ndarray, " count"]
+) -> Int[np.ndarray, " count"]:
+    """Indices of faces, each drawn with a probability in proportion to its area.
+
+    Args:
+        cumulated: cumulative share of the surface's area, face by face.
+        uniform: random numbers in [0, 1).
+    """
+    return np.searchsorted(cumulated, uniform, side="right").clip(max=len(cumulated) - 1)
+
+
+def point_of_face(
+    corners: Float[np.ndarray, "count 3"], edges: Float[np.ndarray, "count 2 3"], uniform: Float[np.ndarray, "count 2"]
+) -> Float[np.ndarray, "count 3"]:
+    """One random point of each triangle, uniform by area.
+
+    Args:
+        corners: first corner of each triangle.
+        edges: vectors from there to the other two.
+        uniform: random numbers in [0, 1); pairs beyond the diagonal of the square are folded back onto the triangle.
+    """
+    outside = uniform.sum(1, keepdims=True) > 1
+    weight = np.where(outside, 1 - uniform, uniform)
+    points: Float[np.ndarray, "count 3"] = corners + (weight[:, :1] * edges[:, 0] + weight[:, 1:] * edges[:, 1])
     return points
 
 

@@ -1,6 +1,7 @@
 """Evaluation of one cloud: all metrics by name, in a frame of choice."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,14 @@ from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
 from pcsr.clouds.meshes import check_faces
+from pcsr.contracts import Metric
 from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import METRICS, Mesh
+from pcsr.metrics import METRICS
 from pcsr.metrics.emd import check_sizes
+from pcsr.plugins.loading import load_plugins
+from pcsr.tensors import Mesh
 from pcsr.threads import threads
 
 LARGEST, SMALLEST = 1e150, 1e-150
@@ -23,7 +27,13 @@ IDENTITY = UnitSphere(np.zeros(3), 1.0)
 
 
 def evaluate(
-    prediction: Any, truth: Any, mesh: Any = None, *, frame: str = "truth", metrics: Sequence[str] | str | None = None
+    prediction: Any,
+    truth: Any,
+    mesh: Any = None,
+    *,
+    frame: str = "truth",
+    metrics: Sequence[str] | str | None = None,
+    plugins: Sequence[str | Path] = (),
 ) -> dict[str, float]:
     """Evaluate a predicted cloud against the true one.
 
@@ -34,8 +44,9 @@ def evaluate(
         frame: normalisation of the coordinates. "truth" scales everything by the unit sphere of the true cloud, as in
             pcsr's tables. "each" scales each cloud by its own unit sphere, as in most published tables; `p2f` then
             stays in the mesh's unit. "none" leaves coordinates unchanged.
-        metrics: names of metrics. By default all that are possible: `p2f` needs a mesh, and `emd` needs clouds of the
-            same size and, above 1024 points, the extra `[train]`.
+        metrics: names of metrics. By default all of pcsr's that are possible: `p2f` needs a mesh, and `emd` needs
+            clouds of the same size and, above 1024 points, the extra `[train]`. Metrics of plugins must be named.
+        plugins: Python files with metrics.
 
     Returns:
         Value of each metric by its name, not multiplied by `Metric.scale`.
@@ -57,30 +68,40 @@ def evaluate(
     frames = {"truth": [clouds[1]] * 2, "each": clouds, "none": []}
     if frame not in frames:
         raise UserError(f"there is no frame '{frame}': {did_you_mean(frame, frames)}")
-    metrics = [metrics] if isinstance(metrics, str) else metrics
     surface = _surface(mesh)
     if metrics is None:
         left_out = {"emd"} if why_no_emd(*map(len, clouds)) else set()
         metrics = [
             name for name, metric in METRICS.items() if (surface or not metric.needs_mesh) and name not in left_out
         ]
+    chosen = named([metrics] if isinstance(metrics, str) else metrics, plugins)
     spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [IDENTITY] * 2
     scaled = [_scaled(cloud, sphere, frame) for cloud, sphere in zip(clouds, spheres, strict=True)]
-    tensors = [torch.from_numpy(cloud)[None] for cloud in scaled]
+    judged, true = (torch.from_numpy(cloud) for cloud in scaled)
     values = {}
     with threads(1):
-        for name in metrics:
-            if name not in METRICS:
-                raise UserError(f"there is no metric '{name}': {did_you_mean(name, METRICS)}")
-            metric = METRICS[name]
+        for name, metric in chosen.items():
             if metric.needs_mesh and frame == "each":
                 _scaled(surface[0] if surface else clouds[0], IDENTITY, "none")
-                values[name] = metric(torch.from_numpy(_scaled(clouds[0], IDENTITY, "none"))[None], tensors[1], surface)
+                unscaled = torch.from_numpy(_scaled(clouds[0], IDENTITY, "none"))
+                values[name] = metric.measure(unscaled, true, surface)
             elif metric.needs_mesh and surface is not None:
-                values[name] = metric(tensors[0], tensors[1], (_scaled(surface[0], spheres[1], frame), surface[1]))
+                values[name] = metric.measure(judged, true, (_scaled(surface[0], spheres[1], frame), surface[1]))
             else:
-                values[name] = metric(tensors[0], tensors[1], surface)
+                values[name] = metric.measure(judged, true, surface)
     return values
+
+
+def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str, Metric]:
+    """Metrics by name: those of pcsr, of installed plugins and of plugin files.
+
+    Raises:
+        UserError: there is none of this name, or a plugin that is asked for it cannot be loaded.
+    """
+    if not plugins and set(names) <= METRICS.keys():
+        return {name: METRICS[name] for name in names}
+    registry = load_plugins([Path(file) for file in plugins])
+    return {name: registry.get("metric", name)() for name in names}
 
 
 def why_no_emd(prediction: int, truth: int) -> str:

@@ -22,6 +22,8 @@ KINDS = {
     "objective": "Objective",
     "touch": "TouchSource",
     "shapes": "ShapeSource",
+    "metric": "Metric",
+    "baseline": "Baseline",
 }
 """Kinds of parts, each with the name of its class in `pcsr.contracts`; that module imports torch, this one does not."""
 FIRST_PARTY = "pcsr"
@@ -231,3 +233,11 @@ class Register:
     def shapes(self, name: str, part: type | str) -> None:
         """Register a shape source."""
         self._add("shapes", name, part)
+
+    def metric(self, name: str, part: type | str) -> None:
+        """Register a metric."""
+        self._add("metric", name, part)
+
+    def baseline(self, name: str, part: type | str) -> None:
+        """Register a baseline."""
+        self._add("baseline", name, part)

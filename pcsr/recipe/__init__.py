@@ -11,6 +11,7 @@ from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
 from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
 from pcsr.recipe.source import MOST_LISTED, Keys, Location, Mistake, RecipeError, Source
+from pcsr.recipes import found
 
 __all__ = [
     "DATA",
@@ -40,7 +41,7 @@ def load(
     """Read and check a recipe file.
 
     Args:
-        path: recipe file.
+        path: recipe file, or the name of a recipe that comes with pcsr.
         registry: parts that the recipe may name.
         overrides: changes of the form `dotted.key=value`, with the value in YAML.
         axes: dotted keys with the values to vary, as in a matrix.
@@ -54,7 +55,7 @@ def load(
     """
     recipes = []
     mistakes: set[Mistake] = set()
-    for source in compose(path, overrides, axes or {}):
+    for source in compose(found(path), overrides, axes or {}):
         try:
             recipes.append(check_with_weights(source, registry))
         except RecipeError as error:

@@ -11,7 +11,7 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import modernize
-from pcsr.recipe.part_keys import MODEL, PARTS
+from pcsr.recipe.part_keys import MODEL, NAMES, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patches, Recipe, options_model
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
 from pcsr.validation_messages import explained, shown
@@ -32,9 +32,9 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     Raises:
         RecipeError: the recipe has mistakes; it holds all of them.
     """
-    source = source.copy()
+    source = _with_defaults(source)
     modernize(source)
-    data = _with_defaults(source)
+    data = source.data
     mistakes: list[Mistake] = []
     for keys, kind in PARTS.items():
         section = data.get(str(keys[0]))
@@ -46,6 +46,8 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
             else:
                 section[keys[1]] = {"use": written["use"], "options": _options(written)}
     data["code"] = _code(data, registry, parts)
+    if set(parts) == PARTS.keys():
+        mistakes += _unknown_names(source, registry)
     recipe: Recipe | None = None
     try:
         recipe = Recipe.model_validate(data)
@@ -84,10 +86,10 @@ def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Reci
     return check(source, registry, MODEL)
 
 
-def _with_defaults(source: Source) -> dict[str, Any]:
+def _with_defaults(source: Source) -> Source:
     defaults = {section: parts for section, parts in DEFAULTS.items() if section not in source.data}
     defaults |= {section: DEFAULTS[section] for section in ("data", "train")}
-    return merge(Source(defaults, {(): source.values[()]}), source).data
+    return merge(Source(defaults, {(): source.values[()]}), source)
 
 
 def _part(
@@ -227,6 +229,21 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
         text = f"fusion '{fusion}' uses no touch features, so a touch_encoder has no effect: remove it"
         found.append(Mistake(source.location(("model", "touch_encoder")), text))
+    return found
+
+
+def _unknown_names(source: Source, registry: Registry) -> list[Mistake]:
+    """List the metrics and baselines that are not registered or cannot be loaded."""
+    found = []
+    for (section, key), kind in NAMES.items():
+        written = source.data.get(section)
+        names = written.get(key) if isinstance(written, dict) else None
+        for index, name in enumerate(names if isinstance(names, list | tuple) else ()):
+            try:
+                if isinstance(name, str):
+                    registry.get(kind, name)
+            except UserError as error:
+                found.append(Mistake(source.location((section, key, index)), f"{section}.{key}.{index}: {error}"))
     return found
 
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import NAMES, PARTS
 from pcsr.recipe.schema import Recipe, options_model
 
 
@@ -21,11 +21,13 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     for (section_name, key), kind in PARTS.items():
         definition = f"{kind}-part"
         if definition not in definitions:
-            definitions[definition] = {"anyOf": _choices(registry, kind)}
+            definitions[definition] = {"anyOf": _choices(registry, kind, definitions)}
         reference: dict[str, Any] = {"$ref": f"#/$defs/{definition}"}
         optional = (section_name, key) == ("model", "touch_encoder")
         properties = definitions[str(section_name).capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
+    for (section_name, key), kind in NAMES.items():
+        definitions[section_name.capitalize()]["properties"][key]["items"] = {"enum": registry.names(kind)}
     del schema["properties"]["code"]  # never written by hand
     schema["properties"] |= {
         "weights": {
@@ -46,15 +48,20 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     return schema
 
 
-def _choices(registry: Registry, kind: str) -> list[dict[str, Any]]:
-    """List the schemas of a part: its bare name, then for each part the mapping of its name and options."""
+def _choices(registry: Registry, kind: str, definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """List the schemas of a part: its bare name, then for each part the mapping of its name and options.
+
+    The schemas of groups of options are added to `definitions`, under the name of kind, part and group.
+    """
     forms: list[dict[str, Any]] = []
     for name in registry.names(kind):
         try:
             part = registry.get(kind, name)
-            options = options_model(part).model_json_schema()
+            template = f"#/$defs/{kind}-{name}-{{model}}"
+            options = options_model(part).model_json_schema(ref_template=template)
         except Exception:  # omitted; `pcsr plugins` reports the error
             continue
+        definitions |= {f"{kind}-{name}-{group}": inner for group, inner in options.get("$defs", {}).items()}
         forms.append(
             {
                 "type": "object",

@@ -51,6 +51,9 @@ def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple
     for key, value in override.items():
         inner = (*keys, key)
         old = base.get(key)
+        if inner[:2] in PARTS and len(inner) > 2 and {type(old), type(value)} == {str, dict}:
+            old, value = _mapping(old), _mapping(value)
+            base[key] = old
         if isinstance(old, dict) and isinstance(value, dict) and not _other_part(inner, old, value):
             updated.add(inner)
             inner_updated, inner_replaced = _update(old, value, inner)
@@ -62,14 +65,19 @@ def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple
     return updated, replaced
 
 
+def _mapping(value: Any) -> dict[str, Any]:
+    """Return the mapping `{use: name}` of a choice that is written as its bare name."""
+    return {"use": value} if isinstance(value, str) else value
+
+
 def _inside(keys: Keys, replaced: set[Keys]) -> bool:
     """Return whether a value, or one that contains it, was replaced."""
     return any(keys[:depth] in replaced for depth in range(1, len(keys) + 1))
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Return whether two mappings name different parts."""
-    return keys in PARTS and "use" in new and new["use"] != old.get("use")
+    """Return whether two mappings name different parts, or different choices among the options of a part."""
+    return keys[:2] in PARTS and "use" in new and new["use"] != old.get("use")
 
 
 def assign(source: Source, keys: Keys, value: Any, location: Location, name: Location | None = None) -> None:

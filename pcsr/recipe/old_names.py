@@ -22,8 +22,24 @@ KEYS: dict[Keys, str] = {
 """Renamed keys of recipes: old keys to the new last key."""
 OPTIONS: dict[tuple[str, str], dict[str, Keys]] = {
     ("fusion", "edge-conv"): {"heard": ("points_per_touch",)},
+    ("touch", "digit"): {
+        **{key: ("sensor", key) for key in ("projection", "width", "height", "pixels", "fov", "distance", "dome")},
+        **{key: ("sensor", key) for key in ("housing", "protrusion", "senses", "reach")},
+        **{key: ("policy", key) for key in ("spacing", "tries")},
+        **{key: ("noise", key) for key in ("blur", "drift", "drift_length", "depth_noise", "quantum")},
+        **{key: ("noise", key) for key in ("position_noise", "rotation_noise")},
+    },
 }
 """Renamed options of parts: kind and new name of the part to old options, each with the keys of the new option."""
+
+
+REMOVED: dict[tuple[str, str], dict[str, Any]] = {
+    ("upsampler", "branches"): {"chained": False},
+    ("upsampler", "progressive"): {"step": 2},
+    ("objective", "pu-gan"): {"fidelity": "emd"},
+    ("objective", "pu-net"): {"fidelity": "emd"},
+}
+"""Options that parts had in 0.1, with the value that they had by default and now always have."""
 
 
 def modernize(source: Source) -> None:
@@ -74,12 +90,20 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
 def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
     """Return a copy of a part's mapping `{use: name, …}` with the names of 0.1."""
     old = copy.deepcopy(part)
-    for option, keys in OPTIONS.get((kind, old["use"]), {}).items():
+    old |= REMOVED.get((kind, old["use"]), {})
+    moved = OPTIONS.get((kind, old["use"]), {})
+    for option, keys in moved.items():
         owner: Any = old
         for key in keys[:-1]:
             owner = owner.get(key) if isinstance(owner, dict) else None
         if isinstance(owner, dict) and keys[-1] in owner:
             old[option] = owner.pop(keys[-1])
+    for group in {str(keys[0]) for keys in moved.values() if len(keys) > 1}:
+        left = old.get(group)
+        if left == {}:
+            del old[group]
+        elif isinstance(left, dict) and left.keys() == {"use"}:
+            old[group] = left["use"]
     names = {new: name for (of_kind, name), new in renamed.PARTS.items() if of_kind == kind}
     return {**old, "use": names.get(old["use"], old["use"])}
 
@@ -94,9 +118,19 @@ def _modernize_part(source: Source, keys: Keys, kind: str) -> list[str]:
     if new is not None:
         notes.append(f"{kind} '{part['use']}' is now '{new}'")
         part["use"] = new
+    for option, default in REMOVED.get((kind, part["use"]), {}).items():
+        if option in part and part[option] == default:
+            del part[option]
+    name = f"{kind} '{part['use']}'"
+    grouped: dict[str, list[str]] = {}
     for option, inner in OPTIONS.get((kind, part["use"]), {}).items():
-        if _move(source, (*keys, option), (*keys, *inner)):
-            notes.append(f"option '{option}' of {kind} '{part['use']}' is now '{_dotted(inner)}'")
+        if not _move(source, (*keys, option), (*keys, *inner)):
+            continue
+        if inner[-1] == option:
+            grouped.setdefault(_dotted(inner[:-1]), []).append(option)
+        else:
+            notes.append(f"option '{option}' of {name} is now '{_dotted(inner)}'")
+    notes += [f"of {name} {', '.join(some)} stand under '{group}' now" for group, some in grouped.items()]
     return notes
 
 
@@ -121,6 +155,8 @@ def _move(source: Source, old: Keys, new: Keys) -> bool:
         return False
     target: Any = owner
     for key in new[len(old) - 1 : -1]:
+        if isinstance(target, dict) and isinstance(target.get(key), str):  # a bare name beside its options
+            target[key] = {"use": target[key]}
         target = target.setdefault(key, {}) if isinstance(target, dict) else None
     if not isinstance(target, dict) or new[-1] in target:
         return False

@@ -13,5 +13,7 @@ PARTS: dict[Keys, str] = {
     ("train", "objective"): "objective",
 }
 """Keys at which a recipe names a part, with the part's kind. A bare name there is short for `{use: name}`."""
+NAMES = {("evaluate", "metrics"): "metric", ("evaluate", "baselines"): "baseline"}
+"""Keys of lists of parts without options, with the parts' kind."""
 DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for section in ("data", "model"))
 """`DATA`: keys of the parts that building data needs. `MODEL`: keys of the network's parts, which inference needs."""

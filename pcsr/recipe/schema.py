@@ -92,7 +92,6 @@ class Model(Section):
 
 
 Count = Annotated[int, Field(ge=0, le=16)]
-Metric = Literal["cd", "hd", "hd-pugcn", "emd", "p2f"]
 FEW = Field(max_length=16)
 """A list of names, none of them twice."""
 Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop"]
@@ -120,10 +119,11 @@ class Train(Section):
 class Evaluate(Section):
     """What is measured, and beside what."""
 
-    metrics: Annotated[tuple[Metric, ...], AS_TUPLE, Field(min_length=1), FEW] = ("cd", "hd", "emd")
-    baselines: Annotated[tuple[Literal["midpoint", "floor"], ...], AS_TUPLE, FEW] = ("midpoint",)
-    """Baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface, sampled
-    once more and independently of the truth: the least error that any upsampler can expect. It needs the meshes."""
+    metrics: Annotated[tuple[str, ...], AS_TUPLE, Field(min_length=1), FEW] = ("cd", "hd", "emd")
+    """Registered metrics by name."""
+    baselines: Annotated[tuple[str, ...], AS_TUPLE, FEW] = ("midpoint",)
+    """Registered baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface,
+    sampled once more and independently of the truth: the least error that any upsampler can expect."""
     objects: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """The first so many of the test split; None: all."""
     examples: Annotated[int, Field(ge=0, le=16)] = 4
@@ -232,6 +232,12 @@ class Recipe(Section):
             decisive["patches"] = plain["patches"] | {"cover": None}
         return decisive
 
+    def measured_on_meshes(self, registry: Registry) -> list[str]:
+        """The metrics and baselines that need the true surfaces, beside the clouds of the data."""
+        named = (*(("metric", name) for name in self.evaluate.metrics),)
+        named += (*(("baseline", name) for name in self.evaluate.baselines),)
+        return [name for kind, name in named if registry.get(kind, name).needs_mesh]
+
     @property
     def data_seed(self) -> int:
         """The seed of everything random in the data."""
@@ -245,11 +251,11 @@ DEFAULTS: dict[str, Any] = {
         "touch_encoder": {"use": "unet", "channels": 32},
         "fusion": {"use": "iterative"},
         "backbone": {"use": "pu-transformer"},
-        "upsampler": {"use": "shuffle"},
+        "upsampler": {"use": "shuffle", "start": "neighbours"},
     },
     "train": {"objective": {"use": "chamfer"}},
 }
-"""Parts that need not be named. A recipe without a `model` gets TAPSR's; one with a model names its parts."""
+"""Parts that need not be named. A recipe without a `model` gets that of `tapsr`; one with a model names its parts."""
 
 
 def _flat(node: Any) -> Any:

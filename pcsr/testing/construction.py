@@ -9,6 +9,7 @@ from torch import nn
 
 from pcsr.contracts import Objective, Trait
 from pcsr.errors import UserError
+from pcsr.options import Options
 from pcsr.recipe.schema import options_model
 from pcsr.testing.check import said
 from pcsr.testing.subject import GIVE, NETWORK, WIDTHS, Subject
@@ -42,7 +43,7 @@ def options(subject: Subject) -> None:
     defaults = {name: field.default for name, field in model.model_fields.items() if not field.is_required()}
     required = {name: subject.options[name] for name in model.model_fields.keys() - defaults if name in subject.options}
     try:
-        model.model_validate_json(json.dumps({**defaults, **required}))
+        model.model_validate_json(json.dumps({**defaults, **required}, default=_plain))
     except (TypeError, ValidationError) as error:
         wrong = error.errors() if isinstance(error, ValidationError) else []
         missing = [one for one in wrong if one["type"] == "missing"]
@@ -60,6 +61,13 @@ def options(subject: Subject) -> None:
     _traits(subject, "its class", part.traits)
     if issubclass(part, Objective) and not part.lr_multiplier > 0:
         raise subject.failure(f"`lr_multiplier` is {part.lr_multiplier!r}", "a factor above 0", "leave it at 1.0")
+
+
+def _plain(value: object) -> object:
+    """A group of options as JSON has it."""
+    if isinstance(value, Options):
+        return value.model_dump()
+    raise TypeError(f"{type(value).__name__} is nothing that JSON has")
 
 
 def unknown_options(subject: Subject) -> None:
@@ -138,5 +146,7 @@ TRAITS: dict[str, frozenset[Trait]] = {
     "objective": frozenset(),
     "touch": frozenset(),
     "shapes": frozenset(),
+    "metric": frozenset(),
+    "baseline": frozenset(),
 }
 """What each kind can claim."""

@@ -8,6 +8,7 @@ from pcsr.testing import (
     behaviour,
     construction,
     fusions,
+    judging,
     keeping,
     learning,
     objectives,
@@ -67,6 +68,14 @@ OF_KIND: dict[str, Checks] = {
         "picklable": objects.picklable,
         "digests": objects.digests,
     },
+    "metric": {
+        "describes": judging.describes,
+        "errors": judging.errors,
+        "order-free": judging.order_free,
+        "worse-is-more": judging.worse_is_more,
+        "leaves-clouds": judging.leaves_clouds,
+    },
+    "baseline": {"dense": judging.dense},
 }
 
 

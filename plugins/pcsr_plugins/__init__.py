@@ -1,7 +1,28 @@
-"""The first-party parts. They come in through the same door as everyone else's: the entry-point group `pcsr`.
+"""The first-party parts, registered through the entry-point group `pcsr` as everyone else's are.
 
-One part a file, the file's name is the part's name. A part is named here by text, so that neither it nor torch
-is imported before a recipe asks for it.
+The networks, TAPSR first. Each is five parts: an encoder, a fusion of touches, a backbone, an upsampler and an
+objective. Recipes are in `pcsr/recipes`. One part a file, the file's name is the part's name.
+
+========================  ===============  ===========  ===============  ============  ===========  ====================
+recipe                    encoder          fusion       backbone         upsampler     objective    source
+========================  ===============  ===========  ===============  ============  ===========  ====================
+tapsr                     unet             iterative    pu-transformer   shuffle       chamfer      TAPSR, Sec. 3
+tapsr-midpoint            unet             iterative    pu-transformer   midpoint      chamfer      Grad-PU, Sec. 3.2
+ablation/raw              mlp              none         pu-transformer   shuffle       chamfer      TAPSR, Sec. 4.4
+ablation/concat           unet             concat       pu-transformer   shuffle       chamfer      TAPSR, Sec. 4.4
+ablation/edge-conv        unet             edge-conv    pu-transformer   shuffle       chamfer      our own
+frames                    local-frames     joint-cloud  local-frames     edge-offsets  surface      our own
+pu-transformer            mlp              none         pu-transformer   shuffle       chamfer      PU-Transformer
+pu-net                    set-abstraction  none         pu-net           branches      pu-net       PU-Net
+mpu                       linear           none         dense-edge-conv  progressive   progressive  3PU, Sec. 3
+pu-gan                    linear           none         dense-edge-conv  up-down-up    pu-gan       PU-GAN, Sec. 3
+pu-gcn                    edge-conv        none         pu-gcn           node-shuffle  chamfer      PU-GCN
+dis-pu                    linear           none         dense-edge-conv  dis-pu        dis-pu       Dis-PU
+grad-pu                   mlp              none         grad-pu          descent       grad-pu      Grad-PU, Sec. 3
+========================  ===============  ===========  ===============  ============  ===========  ====================
+
+Touches come from `touch`, objects from `shapes`, what networks are compared with from `baselines`. What parts share
+is in `layers`. A part is registered by text, so that neither it nor torch is imported before a recipe asks for it.
 """
 
 from pcsr import Register, hookimpl
@@ -54,3 +75,12 @@ def pcsr_register(register: Register) -> None:
     register.shapes("blobs", "pcsr_plugins.shapes.blobs:Blobs")
     register.shapes("cad-parts", "pcsr_plugins.shapes.cad_parts:CadParts")
     register.shapes("meshes", "pcsr_plugins.shapes.meshes:Meshes")
+
+    register.metric("cd", "pcsr.metrics:Chamfer")
+    register.metric("hd", "pcsr.metrics:Hausdorff")
+    register.metric("hd-pugcn", "pcsr.metrics:HausdorffPUGCN")
+    register.metric("emd", "pcsr.metrics:EarthMovers")
+    register.metric("p2f", "pcsr.metrics:PointToFace")
+
+    register.baseline("midpoint", "pcsr_plugins.baselines.midpoint:Midpoint")
+    register.baseline("floor", "pcsr_plugins.baselines.floor:Floor")

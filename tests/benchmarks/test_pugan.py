@@ -34,7 +34,7 @@ MESHES = {
 
 def model(recipe, *settings, name="small"):
     """A network of a recipe, untrained."""
-    (read,) = load(ROOT / "recipes" / f"{recipe}.yaml", REGISTRY, list(settings))
+    (read,) = load(ROOT / "pcsr/recipes" / f"{recipe}.yaml", REGISTRY, list(settings))
     return pcsr.Model(name, build(read, REGISTRY).eval(), read, {}, None, ())
 
 

@@ -38,7 +38,10 @@ def made(tmp_path):
         plain = [PLAIN[one] for one in objects]
         methods = [(name, touched), *((one, [1e-3 * (k + 1)] * len(objects)) for k, one in enumerate(beside))]
         options = {"use": "digit", "object_size": 30.0, "policy": "uniform", "depth_noise": 0.02, "position_noise": 0.0}
-        data = {"touch": options | of, "view": view}
+        options |= of
+        options["policy"] = {"use": options["policy"], "spacing": 20.0, "tries": 100}
+        options["noise"] = {key: options.pop(key) for key in ("depth_noise", "position_noise")}
+        data = {"touch": options, "view": view}
         results = {
             "name": name,
             "fingerprint": "ab",

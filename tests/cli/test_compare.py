@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from pcsr.cli import pcsr
 from pcsr.errors import UserError
 
-SMOKE = str(Path(__file__).parents[2] / "recipes" / "smoke.yaml")
+SMOKE = str(Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml")
 TINY = [
     f"--set={setting}"
     for setting in (

@@ -15,11 +15,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pcsr.cli import pcsr
-from pcsr.cli.plugin_new import NAME, SECTIONS, distribution
+from pcsr.cli.plugin_new import LISTED, NAME, SECTIONS, distribution
 from pcsr.errors import UserError
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import KINDS
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import NAMES, PARTS
 
 
 @pytest.fixture
@@ -30,7 +30,8 @@ def new(tmp_path, monkeypatch):
 
 def test_every_kind_can_be_written_and_is_named_where_a_recipe_names_it():
     assert list(SECTIONS) == list(KINDS)
-    assert {(section, kind) for kind, section in SECTIONS.items()} <= PARTS.keys()
+    places = {(section, LISTED.get(kind, kind)) for kind, section in SECTIONS.items()}
+    assert places <= PARTS.keys() | NAMES.keys()
 
 
 @pytest.mark.slow
@@ -74,7 +75,8 @@ def test_what_pip_is_told_fits_the_files(kind):
     ]  # PyPI's
     assert told["build-system"] == ours["build-system"]
     assert not [file for file, text in files.items() if "$" in text]
-    assert f"{SECTIONS[kind]}:\n  {kind}: {{use: my-part}}" in files["README.md"]
+    line = f"{LISTED[kind]}: [my-part]" if kind in LISTED else f"{kind}: {{use: my-part}}"
+    assert f"{SECTIONS[kind]}:\n  {line}" in files["README.md"]
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from pcsr.cli import pcsr
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import from_resolved, load
 
-RECIPES = sorted((Path(__file__).parents[2] / "recipes").glob("*.yaml"))
+RECIPES = sorted((Path(__file__).parents[2] / "pcsr/recipes").glob("*.yaml"))
 
 
 def invoke(*arguments):

@@ -55,13 +55,13 @@ def results(pattern):
 
 def train(call, data):
     """Train a small network, and return the folder of its run."""
-    run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0])
+    run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0])
     return results("smoke-*")[1]
 
 
 @pytest.mark.slow
 def test_a_network_is_trained_on_several_folders_and_says_so(call, data):
-    said = run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
+    said = run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     assert f"as {data[0]} and {data[1]} says" in " ".join(said.split())
     assert f"{data[1]} has no split 'test'" in said
     told, folder = results("smoke-*")
@@ -71,14 +71,14 @@ def test_a_network_is_trained_on_several_folders_and_says_so(call, data):
     assert [one["objects"]["train"] for one in card["data"]] == [4, 4]
     assert card["data_fingerprint"] == told["data"]["fingerprint"]
     assert card["recipe"]["joined"] == [one["fingerprint"] for one in card["data"]]
-    again = run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
+    again = run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     assert "weights: this run folder" in again
-    run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0])
+    run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0])
     assert len(list(Path("runs").glob("smoke-*/weights.safetensors"))) == 2, "one folder is other data than two"
 
 
 def test_a_recipe_of_joined_data_is_not_run_on_other_data(call, data):
-    run(call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
+    run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     (path,) = Path("runs").glob("*/recipe.json")
     Path("again.yaml").write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     said = run(call, "again.yaml", code=UserError.exit_code)
@@ -89,7 +89,7 @@ def test_a_recipe_of_joined_data_is_not_run_on_other_data(call, data):
 def test_folders_that_do_not_fit_are_refused_before_anything_is_written(call, data):
     call("data", "make", "balls", "-o", "three", "--set=touch=caps", "--set=points=64", "--set=count=1", "--jobs=1")
     said = run(
-        call, ROOT / "recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", "three", code=UserError.exit_code
+        call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", "three", code=UserError.exit_code
     )
     assert "cannot be joined: points is 32 in the first and 64 in the second" in said
     assert not Path("runs").exists()

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from pcsr import ShapeItem
 from pcsr.cli import pcsr
 from pcsr.recorded import read
-from pcsr_plugins.touch.digit import Digit
+from tests.plugins.touch.plain_options import digit
 
 OPTIONS = ("points", "finger", "poses", "unit", "sensor", "contact_area")
 
@@ -36,8 +36,11 @@ def same(one, other):
         ([], {}),
         (["--sensor", "gelsight-mini", "--policy", "spread"], {"sensor": "gelsight-mini", "policy": "spread"}),
         (["--sensor", "smith-2021", "--object-size", "320"], {"sensor": "smith-2021", "object_size": 320.0}),
-        (["--policy", "grasp", "--set", "rotation_noise=1.0"], {"policy": "grasp", "rotation_noise": 1.0}),
-        (["--set", "press=[0.4,0.6]", "--set", "blur=0.2"], {"press": (0.4, 0.6), "blur": 0.2}),
+        (
+            ["--policy", "grasp", "--set", "noise.rotation_noise=1.0"],
+            {"policy": "grasp", "noise": {"rotation_noise": 1.0}},
+        ),
+        (["--set", "press=[0.4,0.6]", "--set", "noise.blur=0.2"], {"press": (0.4, 0.6), "noise": {"blur": 0.2}}),
     ],
 )
 def test_what_is_read_back_is_what_was_felt_to_the_last_bit(part, tmp_path, arguments, options):
@@ -45,7 +48,7 @@ def test_what_is_read_back_is_what_was_felt_to_the_last_bit(part, tmp_path, argu
     assert done.exit_code == 0, done.output
     mesh = trimesh.load(part, process=False)
     mesh.merge_vertices(merge_norm=True)
-    expected = Digit(**options).touches(ShapeItem("part.stl", "part.stl", mesh), np.zeros((1, 3)), 3, 4)
+    expected = digit(**options).touches(ShapeItem("part.stl", "part.stl", mesh), np.zeros((1, 3)), 3, 4)
     recording = read(tmp_path / "touches")
     assert len(recording.touches) == 3
     assert recording.skipped == {}
@@ -82,7 +85,7 @@ def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--sensor", "digti"], "sensor: it must be 'digit', 'digit-tacto'"),
+        (["--sensor", "digti"], "touch 'digit'.sensor: there is no sensor 'digti': did you mean 'digit'?\n"),
         (["--set", "pres=[0.4,0.6]"], "touch 'digit' takes no 'pres': did you mean 'press'?"),
         (["--object-size", "null"], "part.stl is 0.084 mm long, smaller than the gel"),
         (["--source", "recordde"], "there is no touch 'recordde': did you mean 'recorded'?"),

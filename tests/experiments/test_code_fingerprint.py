@@ -18,7 +18,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.weights.file import read_card
 
-SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 SMALL = [
     f"--set={setting}"
     for setting in (

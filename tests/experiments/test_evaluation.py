@@ -13,13 +13,14 @@ import trimesh
 from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import Method, evaluate, floor, methods
+from pcsr.experiments.evaluation import Method, bound_stream, evaluate, methods
 from pcsr.experiments.run import results_of
 from pcsr.metrics import METRICS, Metric
 from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.threads import WORK_PER_THREAD
+from pcsr_plugins.baselines.floor import Floor
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = [
@@ -35,7 +36,7 @@ def registry(world):
 
 @pytest.fixture(scope="module")
 def recipe(registry):
-    return load(ROOT / "recipes/smoke.yaml", registry, SETTINGS)[0]
+    return load(ROOT / "pcsr/recipes/smoke.yaml", registry, SETTINGS)[0]
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +126,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
 
 
 def test_without_touches_there_is_no_second_time(registry, split):
-    (recipe,) = load(ROOT / "recipes/smoke.yaml", registry, [*SETTINGS, "data.touches=0"])
+    (recipe,) = load(ROOT / "pcsr/recipes/smoke.yaml", registry, [*SETTINGS, "data.touches=0"])
     ours = Asked()
     made = evaluate(recipe, registry, [Method("ours", 5, ours)], split, jobs=1)
     assert ours.touches == [[]] * 3
@@ -164,7 +165,7 @@ def test_the_region_is_what_counts_as_felt(recipe, registry, split):
 
 def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe, registry, split):
     network = build(recipe, registry).eval()
-    compared = methods(recipe, network)
+    compared = methods(recipe, network, registry)
     assert [method.name for method in compared] == ["smoke", "midpoint", "floor"]
     made = evaluate(recipe, registry, compared, split, jobs=1)
     last = made.methods[-1]
@@ -185,6 +186,10 @@ def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe
 def test_the_floor_follows_the_name_and_the_seed():
     ball = trimesh.creation.icosphere(2)
     mesh = np.asarray(ball.vertices), np.asarray(ball.faces)
+
+    def floor(mesh, count, seed, name):
+        return Floor().upsample(np.zeros((count, 3)), 1, mesh, bound_stream(seed, name))
+
     one = floor(mesh, 100, 3, "a")
     assert one.shape == (100, 3)
     np.testing.assert_array_equal(floor(mesh, 100, 3, "a"), one)
@@ -198,7 +203,7 @@ def test_meshes_are_loaded_for_who_needs_them_only(recipe, registry, split, monk
     original = shapes.item
     monkeypatch.setattr(shapes, "item", lambda self, name: loaded.append(name) or original(self, name))
     cheap = recipe.model_copy(update={"evaluate": recipe.evaluate.model_copy(update={"metrics": ("cd",)})})
-    compared = methods(recipe, build(recipe, registry).eval())
+    compared = methods(recipe, build(recipe, registry).eval(), registry)
     evaluate(cheap, registry, compared[1:2], split, jobs=1)
     assert loaded == []
     evaluate(cheap, registry, compared[1:], split, jobs=1)

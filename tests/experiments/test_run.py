@@ -35,7 +35,7 @@ def registry():
 
 @pytest.fixture(scope="module")
 def recipe(registry):
-    return load(ROOT / "recipes/smoke.yaml", registry, TINY)[0]
+    return load(ROOT / "pcsr/recipes/smoke.yaml", registry, TINY)[0]
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def fabric():
 def test_shipped_weights_are_those_of_their_recipe(name, registry):
     path = ROOT / f"pcsr/weights/{name}.safetensors"
     _, recipe, card = load_weights(path, registry)
-    (written,) = load(ROOT / f"recipes/shipped/{name}.yaml", registry)
+    (written,) = load(ROOT / f"pcsr/recipes/shipped/{name}.yaml", registry)
     assert (recipe.model, recipe.train, recipe.seed) == (written.model, written.train, written.seed)
     assert card["fingerprint"] == recipe.fingerprint
     assert len(card["data"]) == len(recipe.joined) == 3  # of each data set what it is, for the model card
@@ -226,7 +226,7 @@ def test_other_runs_than_those_of_this_place_are_not_looked_through(recipe, fini
 )
 def test_a_run_needs_the_packages_that_it_will_use(recipe, registry, settings, built, needed):
     plain = [one for one in settings if not one.startswith("weights")]
-    one = load(ROOT / "recipes/smoke.yaml", registry, [*TINY, *plain])[0]
+    one = load(ROOT / "pcsr/recipes/smoke.yaml", registry, [*TINY, *plain])[0]
     if plain != settings:
         one = one.model_copy(update={"weights": Weights(use="tapsr", sha256="0" * 64)})
     options = RunOptions(data=(Path("data"),) if built else ())

@@ -50,7 +50,7 @@ def test_a_wall_seen_edge_on_gives_no_point_off_the_mesh():
 
 def test_places_are_uniform_by_area_on_the_surface():
     mesh = trimesh.creation.box((1, 2, 4)).subdivide_loop(1)  # triangles of many sizes
-    places, normals = MeshRays(mesh, None, "box").places(20_000, np.random.default_rng(0))
+    places, normals = MeshRays(mesh, None, "box").surface_points(20_000, np.random.default_rng(0))
     _, distance, face = trimesh.proximity.closest_point_naive(mesh, places[:300] + mesh.bounds.mean(0))
     assert distance.max() < 1e-9
     assert np.abs(np.einsum("ij,ij->i", normals[:300], mesh.face_normals[face])).min() > 0.99
@@ -63,7 +63,7 @@ def test_to_object_undoes_size_and_centre():
     mesh.apply_translation([100, -50, 3])
     rays = MeshRays(mesh, 60.0, "ball")
     assert rays.size == pytest.approx(60)
-    places, _ = rays.places(50, np.random.default_rng(0))
+    places, _ = rays.surface_points(50, np.random.default_rng(0))
     back = places @ rays.to_object[:3, :3].T + rays.to_object[:3, 3]
     radius = np.linalg.norm(back - [100, -50, 3], axis=1)
     assert ((radius > 0.019) & (radius < 0.02 + 1e-9)).all()

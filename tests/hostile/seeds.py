@@ -252,7 +252,7 @@ def others() -> Iterator[Seed]:
     files = {path.name: path.read_bytes() for path in sorted((REPOSITORY / "tests/data/version_0_1").iterdir())}
     yield Seed("data", files, data)
     yield Seed("shard", {"test-00000.safetensors": files["test-00000.safetensors"]}, shard)
-    for path in sorted((REPOSITORY / "recipes").glob("*.yaml")):
+    for path in sorted((REPOSITORY / "pcsr/recipes").glob("*.yaml")):
         text = path.read_bytes()
         if b".yaml" not in text:
             yield Seed(f"recipe {path.name}", {path.name: text}, recipe)

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 BUILT = Path(__file__).parents[1] / "data" / "version_0_1"
-RECIPE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+RECIPE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 NAMES = [f"{split}-00000.safetensors" for split in ("train", "validation", "test")]
 
 
@@ -224,7 +225,9 @@ def test_nothing_is_trained_on_damaged_data(limited, folder, damage):
     DAMAGE[damage](folder)
     few = ("--set", "data.touches=2", "--set", "train.touches=2", "--jobs", 1)
     outcome = limited("run", RECIPE, "--data", "data", *few, folder=folder.parent)
-    outcome.refused("data/", ".safetensors", "run the command that built it again")
+    warning, _, error = outcome.err.partition("\n")
+    assert "names of pcsr 0.1" in warning
+    replace(outcome, err=error).refused("data/", ".safetensors", "run the command that built it again")
     assert not (folder.parent / "runs").exists()
     assert "training" not in outcome.out
 
@@ -241,12 +244,12 @@ def test_a_thousand_million_points_are_refused_before_anything_is_made(limited, 
         "count=1000000000": "shapes 'cad-parts'.count: it must be at most 1000000",
         f"shapes.seed=1{'0' * 90}": "shapes 'cad-parts'.seed: it must be less than 9223372036854775808",
         "touch.points=1000000000": "touch 'digit'.points: it must be at most 1048576",
-        "touch.tries=100000000": "touch 'digit'.tries: it must be at most 10000, got 100000000",
-        "touch.pixels=20000": "touch 'digit'.pixels: it must be at most 4096, got 20000",
-        "touch.pixels=4000": "4000 × 3000 pixels are more than 1048576: lower pixels",
-        "touch={height: 1000, width: 0.01}": "pixels are more than 1048576: lower pixels, or height beside width",
-        "touch.housing=[1.0, 1e9]": "touch 'digit'.housing.1: it must be at most 1000",
-        "touch.blur=500": "touch 'digit': blur is 500.0 mm, wider than the sensor",
+        "touch.policy.tries=100000000": "touch 'digit'.policy.tries: it must be at most 10000, got 100000000",
+        "touch.sensor.pixels=20000": "touch 'digit'.sensor.pixels: it must be at most 4096, got 20000",
+        "touch.sensor.pixels=4000": "4000 × 3000 pixels are more than 1048576: lower pixels",
+        "touch.sensor={height: 1000, width: 0.01}": "pixels are more than 1048576: lower pixels, or height beside",
+        "touch.sensor.housing=[1.0, 1e9]": "touch 'digit'.sensor.housing.1: it must be at most 1000",
+        "touch.noise.blur=500": "touch 'digit': blur is 500.0 mm, wider than the sensor",
     }.items():
         outcome = limited(*make, "--set", setting, "--jobs", 1, folder=tmp_path)
         outcome.refused(said, megabytes=100)

@@ -12,7 +12,7 @@ from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
 SMALL = ["model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 8]"]
 
 

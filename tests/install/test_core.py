@@ -63,7 +63,7 @@ WORK = {
     "upsample": ["upsample", "scan.ply", "-o", "dense.ply", "--rate", "2"],
     "upsample with touches": ["upsample", "scan.ply", "-o", "touched.xyz", "--rate", "2", "--touch", "touches"],
     "evaluate": ["evaluate", "large.ply", "large.ply"],
-    "recipe check": ["recipe", "check", str(ROOT / "recipes" / "pu-gan.yaml")],
+    "recipe check": ["recipe", "check", str(ROOT / "pcsr/recipes" / "pu-gan.yaml")],
     "plugins": ["plugins"],
     # Meshes of one's own, without touches and without a camera: nothing is simulated.
     "data make": ["data", "make", "objects", "-o", "data", "--jobs", "1", *SMALL],
@@ -83,18 +83,18 @@ REFUSED = {
     "data info": (["data", "info", "data"], "the page of pictures needs plotly", "report"),
     "figures": (["figures", "run"], "a figure needs matplotlib", "report"),
     "run": (
-        ["run", str(ROOT / "recipes" / "tapsr.yaml"), "--runs", "new"],
+        ["run", str(ROOT / "pcsr/recipes" / "tapsr.yaml"), "--runs", "new"],
         "training needs lightning-fabric, the report needs plotly, the metric 'emd' needs pot, "
         "shapes 'cad-parts' needs manifold3d, touch 'digit' needs embreex",
         "report,simulate,train",
     ),
     "run a matched loss": (
-        ["run", str(ROOT / "recipes" / "pu-net.yaml"), "--runs", "new", "--set", "evaluate.metrics=[cd]"],
+        ["run", str(ROOT / "pcsr/recipes" / "pu-net.yaml"), "--runs", "new", "--set", "evaluate.metrics=[cd]"],
         "objective 'pu-net' needs pot",
         "train",
     ),
     "compare": (
-        ["compare", str(ROOT / "recipes" / "smoke.yaml"), "--seeds", "2", "--runs", "new"],
+        ["compare", str(ROOT / "pcsr/recipes" / "smoke.yaml"), "--seeds", "2", "--runs", "new"],
         "training needs lightning-fabric",
         "train",
     ),

@@ -15,7 +15,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Entry
 from pcsr.recipe import load
 
-RECIPES = sorted((Path(__file__).parents[2] / "recipes").glob("*.yaml"))
+RECIPES = sorted((Path(__file__).parents[2] / "pcsr/recipes").glob("*.yaml"))
 SINGLE = [path for path in RECIPES if "recipes:" not in path.read_text() and "weights:" not in path.read_text()]
 
 

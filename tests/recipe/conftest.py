@@ -9,6 +9,7 @@ import pytest
 from annotated_types import Gt
 
 from pcsr.contracts import Backbone, Encoder, Fusion, Objective, ShapeSource, TouchSource, Upsampler, Widths
+from pcsr.metrics import METRICS
 from pcsr.plugins.registry import Entry, Registry
 
 
@@ -82,6 +83,9 @@ def registry() -> Registry:
         ("shapes", "cad-parts", Parts),
         ("touch", "digit", Finger),
         ("objective", "chamfer", Distance),
+        ("baseline", "midpoint", "pcsr_plugins.baselines.midpoint:Midpoint"),
+        ("baseline", "floor", "pcsr_plugins.baselines.floor:Floor"),
+        *(("metric", name, type(metric)) for name, metric in METRICS.items()),
     ):
         made.add(Entry(kind, name, part, "tests", "1"))
     return made

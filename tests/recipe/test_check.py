@@ -42,7 +42,7 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
         "recipe.yaml:11:12: backbone 'refine'.steps: it must be a whole number, got [1]",
         "recipe.yaml:12:17: train.epochs: it must be 1 or more, got -3",
         "recipe.yaml:12:39: train.augment.1: it must be 'rotate', 'scale', 'jitter', 'redraw', 'even' or 'crop', got 'shear'",  # noqa: E501
-        "recipe.yaml:14:17: evaluate.metrics.1: it must be 'cd', 'hd', 'hd-pugcn', 'emd' or 'p2f', got 'chamfer'",
+        "recipe.yaml:14:17: evaluate.metrics.1: there is no metric 'chamfer': known: cd, emd, hd, hd-pugcn, p2f",
     ]
 
 
@@ -136,7 +136,8 @@ def test_the_metrics_that_a_recipe_may_name_are_those_there_are(write, registry)
     (recipe,) = load(write(f"name: a\nevaluate: {{metrics: [{names}]}}", model=True), registry)
     assert recipe.evaluate.metrics == tuple(METRICS)
     (line,) = lines(write("name: a\nevaluate: {metrics: [other]}", model=True), registry)
-    assert all(f"'{name}'" in line for name in METRICS)
+    assert "recipe.yaml:2:22: evaluate.metrics.0: there is no metric 'other'" in line
+    assert all(name in line for name in METRICS)
 
 
 def test_a_name_that_stands_in_a_list_twice(write, registry):

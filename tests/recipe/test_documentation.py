@@ -24,7 +24,7 @@ def plugins():
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: re.search("name: (\\S+)", block)[1])
 def test_each_recipe_is_good(block, plugins, tmp_path):
-    shutil.copytree(ROOT / "recipes", tmp_path, dirs_exist_ok=True)
+    shutil.copytree(ROOT / "pcsr/recipes", tmp_path, dirs_exist_ok=True)
     path = tmp_path / "documented.yaml"
     path.write_text(block, encoding="utf-8")
     names = [recipe.name for recipe in load(path, plugins)]

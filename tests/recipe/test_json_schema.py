@@ -2,6 +2,7 @@
 
 import json
 
+from pcsr.plugins.loading import load_plugins
 from pcsr.recipe.json_schema import json_schema
 from pcsr.recipe.part_keys import PARTS
 
@@ -57,3 +58,13 @@ def test_sections_and_composition(registry):
     assert "touches" in schema["$defs"]["Data"]["properties"]
     referenced = {part.partition('"')[0] for part in json.dumps(schema).split("#/$defs/")[1:]}
     assert referenced == schema["$defs"].keys()
+
+
+def test_groups_of_options_are_offered_by_name_and_key_by_key():
+    schema = json_schema(load_plugins())
+    digit = choices(schema, "touch")["digit"]["properties"]
+    assert digit["noise"]["$ref"] == "#/$defs/touch-digit-Noise"
+    assert schema["$defs"]["touch-digit-Noise"]["properties"]["blur"]["minimum"] == 0
+    name, mapping = schema["$defs"]["touch-digit-SensorOptions"]["anyOf"]
+    assert "gelsight-mini" in name["enum"]
+    assert mapping["properties"]["width"]["default"] is None

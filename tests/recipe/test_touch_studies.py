@@ -12,7 +12,7 @@ from pcsr.files import save_tensors
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-RECIPES = Path(__file__).parents[2] / "recipes"
+RECIPES = Path(__file__).parents[2] / "pcsr/recipes"
 STUDIES = ("size", "vision", "occlusion", "sensor", "policy")
 BESIDE = ("midpoint", "floor")
 pytestmark = pytest.mark.slow
@@ -62,13 +62,14 @@ def test_vision(rows):
     [("occlusion", ("sparse", "uniform"), "view"), ("policy", ("uniform", "spread", "sparse", "grasp"), "random")],
 )
 def test_policies_over_touches(rows, study, policies, sampling):
-    varied = [(r.data.touch.options["policy"], r.data.touches) for r in rows[study]]
+    varied = [(r.data.touch.options["policy"].use, r.data.touches) for r in rows[study]]
     assert varied == [(policy, touches) for policy in policies for touches in range(1, 6)]
     assert {(r.data.sampling, r.data.view.cameras) for r in rows[study]} == {(sampling, 1)}
 
 
 def test_sensor(rows):
-    options = [(r.data.touch.options["depth_noise"], r.data.touch.options["position_noise"]) for r in rows["sensor"]]
+    noises = [r.data.touch.options["noise"] for r in rows["sensor"]]
+    options = [(noise.depth_noise, noise.position_noise) for noise in noises]
     assert options == [(0.0, 0.0), (0.02, 0.0), (0.1, 0.0), (0.3, 0.0), (0.02, 0.5), (0.02, 1.0), (0.02, 2.0)]
     assert {r.data.touches for r in rows["sensor"]} == {4}
 
@@ -105,5 +106,5 @@ def test_rows_share_their_data(rows, plugins):
     assert rows["size"][0].data.touch.options["object_size"] == 30.0
     assert at_30 == prints["sensor"][1] == prints["policy"][0]
     sets = {one for of in prints.values() for one in of}
-    page = (RECIPES.parent / "docs" / "when-touch-helps.md").read_text(encoding="utf-8")
+    page = (RECIPES.parents[1] / "docs" / "when-touch-helps.md").read_text(encoding="utf-8")
     assert f"There are {sum(map(len, rows.values()))} rows on {len(sets)} sets of data" in page

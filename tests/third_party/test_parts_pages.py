@@ -10,7 +10,7 @@ from pcsr import contracts
 from pcsr.cli.plugin_new import distribution
 from pcsr.clouds.touch import Touch
 from pcsr.plugins.loading import load_plugins
-from pcsr.plugins.registry import KINDS
+from pcsr.plugins.registry import FIRST_PARTY, KINDS
 from pcsr.testing.construction import TRAITS
 
 DOCS = Path(__file__).parents[2] / "docs" / "parts"

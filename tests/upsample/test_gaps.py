@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.upsample.gaps import between, spacing, spread_out
+from pcsr.upsample.gaps import between, spacing, spread_out, within_reach
 
 
 def slowly(candidates, known, mine, count):

@@ -86,7 +86,7 @@ class Taxels(TouchSource):
 
     def _touch(self, rays: MeshRays, rng: np.random.Generator) -> Touch | None:
         """One touch at the first place where enough taxels are pressed."""
-        places, normals = rays.places(self.tries, rng)
+        places, normals = rays.surface_points(self.tries, rng)
         for place, normal in zip(places, normals, strict=True):
             frame = _frame(_tilted(normal, self.tilt, rng), rng)
             # How high the object stands at each taxel, along the finger; what is met first stops the finger.

@@ -6,18 +6,12 @@ Refinement" (Dis-PU), CVPR 2021, takes it over as it is. At the published widths
 360 and 480.
 """
 
-import torch
-from jaxtyping import Float
-from torch import nn
-from torch.nn import functional as F
-
 from pcsr import Backbone, Trait, Widths
-from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConv
+from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConvStack
 from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
 
-class DenseEdgeConvs(Backbone):
+class DenseEdgeConvs(DenseEdgeConvStack, Backbone):
     """Blocks of dense edge convolutions, joined by one layer that narrows what came so far.
 
     The coordinates come in through the features alone: each block looks for its neighbours among those.
@@ -35,19 +29,4 @@ class DenseEdgeConvs(Backbone):
         between: Channels = 48,
         neighbours: NeighbourCount = 16,
     ) -> None:
-        super().__init__()
-        self.channels = widths.visual
-        self.blocks, self.narrow = nn.ModuleList(), nn.ModuleList()
-        for step in range(blocks):
-            if step:
-                self.narrow.append(nn.Linear(self.channels, between))
-            block = DenseEdgeConv(between if step else widths.visual, growth, layers, neighbours)
-            self.blocks.append(block)
-            self.channels += block.channels
-
-    def forward(self, points: Points, features: Features) -> Float[torch.Tensor, "b n refined"]:
-        """Refine the features; the newest channels come first, the encoder's last."""
-        for step, block in enumerate(self.blocks):
-            narrow = F.relu(self.narrow[step - 1](features)) if step else features
-            features = torch.cat([block(narrow), features], dim=-1)
-        return features
+        super().__init__(widths.visual, blocks, layers, growth, between, neighbours)

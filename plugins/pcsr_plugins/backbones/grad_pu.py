@@ -6,7 +6,7 @@ the greatest value of the last map over the whole cloud. What the paper leaves o
 the sum over neighbours (the point itself is one of them), one graph for all blocks.
 
 A channel of the first map comes from one point, one of the last from a wide neighbourhood; the upsampler
-(`descent`) reads all maps at places between the points.
+(`descent`) reads all maps between the points.
 """
 
 import torch
@@ -19,7 +19,7 @@ from pcsr.tensors import Features, Neighbours, Points
 from pcsr_plugins.layers.linear_norm_relu import LinearNormReLU
 from pcsr_plugins.layers.options import Channels, Layers, NeighbourCount
 
-Ways = Float[Tensor, "b n k 3"]
+Offsets = Float[Tensor, "b n k 3"]
 
 
 class GradPU(Backbone):
@@ -46,11 +46,11 @@ class GradPU(Backbone):
 
     def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
         """All local maps, then the global one; the graph is that of the coordinates."""
-        near = knn(points, points, self.neighbours)
-        ways = gather(points, near) - points.unsqueeze(2)  # (b n k 3)
+        index = knn(points, points, self.neighbours)
+        offsets = gather(points, index) - points.unsqueeze(2)  # (b n k 3)
         maps = [features]
         for block in self.blocks:
-            maps.append(block(maps[-1], ways, near))
+            maps.append(block(maps[-1], offsets, index))
         everywhere = maps[-1].amax(1, keepdim=True).expand_as(maps[-1])  # (b n width)
         return torch.cat([*maps, everywhere], dim=-1)
 
@@ -63,10 +63,10 @@ class DenseBlock(nn.Module):
         self.layers = nn.ModuleList(DenseLayer(c_in + step * growth, growth, bottleneck) for step in range(layers))
         self.transition = LinearNormReLU(c_in + layers * growth, width)
 
-    def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n width"]:
+    def forward(self, features: Features, offsets: Offsets, index: Neighbours) -> Float[Tensor, "b n width"]:
         """The block's map."""
         for layer in self.layers:
-            features = torch.cat([features, layer(features, ways, near)], dim=-1)
+            features = torch.cat([features, layer(features, offsets, index)], dim=-1)
         refined: Features = self.transition(features)
         return refined
 
@@ -79,14 +79,14 @@ class DenseLayer(nn.Module):
         self.bottleneck = LinearNormReLU(c_in, bottleneck)
         self.convolution = PointConvolution(bottleneck, growth)
 
-    def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n growth"]:
+    def forward(self, features: Features, offsets: Offsets, index: Neighbours) -> Float[Tensor, "b n growth"]:
         """The new channels."""
-        new: Features = self.convolution(self.bottleneck(features), ways, near)
+        new: Features = self.convolution(self.bottleneck(features), offsets, index)
         return new
 
 
 class PointConvolution(nn.Module):
-    """Σ over j of post(way(xⱼ − xᵢ) · feature(fⱼ)): the product is taken channel by channel."""
+    """Σ over j of post(W·(xⱼ − xᵢ) · feature(fⱼ)): the product is taken channel by channel."""
 
     def __init__(self, c_in: int, c_out: int) -> None:
         super().__init__()
@@ -94,15 +94,15 @@ class PointConvolution(nn.Module):
         self.feature = LinearNormReLU(c_in, c_out)
         self.post = LinearNormReLU(c_out, c_out)
 
-    def forward(self, features: Features, ways: Ways, near: Neighbours) -> Float[Tensor, "b n growth"]:
+    def forward(self, features: Features, offsets: Offsets, index: Neighbours) -> Float[Tensor, "b n growth"]:
         """Convolve over the neighbourhoods."""
-        summed: Tensor = self.post(self.way(ways) * self._heard(features, near)).sum(2)  # (b n k c) → (b n c)
+        summed: Tensor = self.post(self.way(offsets) * self._messages(features, index)).sum(2)  # (b n k c) → (b n c)
         return summed
 
-    def _heard(self, features: Features, near: Neighbours) -> Float[Tensor, "b n k c2"]:
-        """What each neighbour says: worked out once for each point, not for each edge."""
+    def _messages(self, features: Features, index: Neighbours) -> Float[Tensor, "b n k c2"]:
+        """Message of each neighbour, computed once for each point instead of each edge."""
         if not self.training:
-            heard: Features = self.feature(features)
-            return gather(heard, near)
-        # The norm's statistics are those of the edges: a point counts as often as it is somebody's neighbour.
-        return self.feature.normalised(gather(self.feature.linear(features), near))
+            messages: Features = self.feature(features)
+            return gather(messages, index)
+        # The norm's statistics are those of the edges: a point counts as often as it is a neighbour.
+        return self.feature.normalised(gather(self.feature.linear(features), index))

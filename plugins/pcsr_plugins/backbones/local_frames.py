@@ -1,7 +1,7 @@
-"""Residual convolutions over neighbourhoods in their own frames. Our own.
+"""Residual convolutions over local reference frames. Our own.
 
-Only what is near is heard: a surface between its points is told by the few around them, and a part of a scan looks to
-such a network as the same part of a whole object does.
+The receptive field is local: the surface between points follows from the few around them, and a part of a scan has the
+same features as the same part of a whole object.
 """
 
 from torch import nn

@@ -57,7 +57,7 @@ class PUGCN(Backbone):
 
 
 class Inception(nn.Module):
-    """Two dense paths on one graph, of the near points and of every other one of twice as many, and a shortcut.
+    """Two dense paths on one graph, of the nearest points and of every other one of twice as many, and a shortcut.
 
     The graph is that of the features which the block is given, so it changes from block to block. Where it gives as
     many channels as it is given it adds them.
@@ -77,11 +77,11 @@ class Inception(nn.Module):
         Raises:
             UserError: there are no more points than `dilation` times the neighbours.
         """
-        near = graph(x, self.neighbours * self.dilation)
+        index = graph(x, self.neighbours * self.dilation)
         reduced = F.relu(self.reduce(x))
         branches = [
-            self.near(reduced, near[..., : self.neighbours]),
-            self.far(reduced, near[..., :: self.dilation]),
+            self.near(reduced, index[..., : self.neighbours]),
+            self.far(reduced, index[..., :: self.dilation]),
             x.amax(-1, keepdim=True),
         ]
         given = torch.cat(branches, dim=-1)
@@ -104,9 +104,9 @@ class DensePath(nn.Module):
         self.twice = nn.Linear(growth, growth)
         self.last = nn.Linear(2 * growth, growth)
 
-    def forward(self, x: Features, near: Neighbours) -> Float[Tensor, "b n dense"]:
+    def forward(self, x: Features, index: Neighbours) -> Float[Tensor, "b n dense"]:
         """The maximum of [y₁, y₂, y₃]."""
-        first = F.relu(self.edge.at_centre(x).unsqueeze(2) + gather(self.edge.at_neighbour(x), near))  # (b n k growth)
+        first = F.relu(self.edge.at_centre(x).unsqueeze(2) + gather(self.edge.at_neighbour(x), index))  # (b n k growth)
         second = F.relu(self.twice(F.relu(self.twice(first))))
         third = F.relu(self.last(torch.cat([first, second], dim=-1)))
         return torch.cat([y.amax(2) for y in (first, second, third)], dim=-1)

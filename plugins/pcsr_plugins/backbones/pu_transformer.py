@@ -53,9 +53,9 @@ class PUTransformer(Backbone):
 
     def forward(self, points: Points, features: Features) -> Refined:
         """Refine the features; the neighbour graph is that of the coordinates, built once for all encoders."""
-        near = knn(points, points, self.neighbours)
+        index = knn(points, points, self.neighbours)
         for encoder in self.encoders:
-            features = encoder(points, features, near)
+            features = encoder(points, features, index)
         return features
 
 
@@ -70,9 +70,9 @@ class TransformerEncoder(nn.Module):
         self.norm_mlp = nn.LayerNorm(c_out)
         self.mlp = nn.Sequential(nn.Linear(c_out, c_out), nn.ReLU())
 
-    def forward(self, points: Points, features: Features, near: Neighbours) -> Refined:
+    def forward(self, points: Points, features: Features, index: Neighbours) -> Refined:
         """The three lines of the module's docstring."""
-        g = self.position(points, features, near)
+        g = self.position(points, features, index)
         g = g + self.attention(self.norm_attention(g))
         refined: Refined = g + self.mlp(self.norm_mlp(g))
         return refined
@@ -86,9 +86,9 @@ class PositionalFusion(nn.Module):
         self.geometry = EdgeMax(3, c_out // 2)
         self.features = EdgeMax(c_in, c_out - c_out // 2)
 
-    def forward(self, points: Points, features: Features, near: Neighbours) -> Refined:
+    def forward(self, points: Points, features: Features, index: Neighbours) -> Refined:
         """Concatenate both halves."""
-        return torch.cat([self.geometry(points, near), self.features(features, near)], dim=-1)
+        return torch.cat([self.geometry(points, index), self.features(features, index)], dim=-1)
 
 
 class EdgeMax(nn.Module):
@@ -102,10 +102,10 @@ class EdgeMax(nn.Module):
         super().__init__()
         self.edge = nn.Linear(2 * c_in, c_out)
 
-    def forward(self, x: Features, near: Neighbours) -> Refined:
+    def forward(self, x: Features, index: Neighbours) -> Refined:
         """Features of the edges' maximum."""
         u, v = self.edge.weight.chunk(2, dim=1)
-        return F.relu(F.linear(x, u - v, self.edge.bias) + neighbour_max(F.linear(x, v), near))
+        return F.relu(F.linear(x, u - v, self.edge.bias) + neighbour_max(F.linear(x, v), index))
 
 
 class ShiftedChannelAttention(nn.Module):
@@ -128,8 +128,8 @@ class ShiftedChannelAttention(nn.Module):
     def forward(self, x: Features) -> Features:
         """Attention of all points to all points."""
         q, k, v = (self._heads(layer(x)) for layer in (self.query, self.key, self.value))  # (b heads n w)
-        heard = F.scaled_dot_product_attention(q, k, v, scale=1.0)
-        mixed: Features = self.out(heard.transpose(1, 2).flatten(2))
+        attended = F.scaled_dot_product_attention(q, k, v, scale=1.0)
+        mixed: Features = self.out(attended.transpose(1, 2).flatten(2))
         return mixed
 
     def _heads(self, x: Features) -> torch.Tensor:

@@ -12,7 +12,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
 class EdgeConv(Encoder):
-    """Each point and the ways to its neighbours."""
+    """One edge convolution on the offsets to each point's neighbours."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 

@@ -1,4 +1,4 @@
-"""The neighbourhood of each point by lengths and angles, whatever way the cloud is turned. Our own."""
+"""Rotation-invariant features of each point's neighbourhood, from lengths and angles in its local frame. Our own."""
 
 import torch
 
@@ -10,7 +10,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 
 class LocalFrameEncoder(Encoder):
-    """One convolution, of nothing but the frames."""
+    """One edge convolution on the local reference frames."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 

@@ -13,7 +13,7 @@ from torch import nn
 
 from pcsr import Fusion, TouchBatch, Trait, UserError, Widths
 from pcsr.tensors import Features, Points
-from pcsr_plugins.fusions.pairing import pair
+from pcsr_plugins.layers.hilbert_pairing import pair
 
 
 class Concat(Fusion):
@@ -37,8 +37,8 @@ class Concat(Fusion):
             raise UserError(
                 f"fusion 'concat' has slots for {self.slots} touches, got {count}: set model.fusion.touches to {count}"
             )
-        heard = pair(points, touches) * touches.mask[:, :, None, None]  # (b a n c)
-        heard = heard.transpose(1, 2).flatten(2)  # (b n a·c)
-        missing = heard.new_zeros(*heard.shape[:2], (self.slots - count) * touches.features.shape[-1])
-        fused: Features = self.layer(torch.cat([features, heard, missing], dim=-1))
+        messages = pair(points, touches) * touches.mask[:, :, None, None]  # (b a n c)
+        messages = messages.transpose(1, 2).flatten(2)  # (b n a·c)
+        missing = messages.new_zeros(*messages.shape[:2], (self.slots - count) * touches.features.shape[-1])
+        fused: Features = self.layer(torch.cat([features, messages, missing], dim=-1))
         return fused

@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
-from pcsr_plugins.fusions.pairing import met
+from pcsr_plugins.layers.hilbert_pairing import met
 
 
 class Iterative(Fusion):
@@ -47,11 +47,11 @@ class Iterative(Fusion):
         of_mixed, of_visual = deconv.weight.chunk(2)
         order = hilbert_order(points)
         fp = along(order, features)
-        heard = F.linear(met(touches, points.shape[1]), of_touch, linear.bias)  # (b a n c)
+        messages = F.linear(met(touches, points.shape[1]), of_touch, linear.bias)  # (b a n c)
         visual = F.conv_transpose1d(fp.transpose(1, 2), of_visual, deconv.bias, padding=1)  # (b c n)
         f = fp
         for i in range(touches.mask.shape[1]):
-            fm = F.relu(heard[:, i] + F.linear(f, of_fused))  # (b n c)
+            fm = F.relu(messages[:, i] + F.linear(f, of_fused))  # (b n c)
             if self.pool == "global":
                 fm = fm.amax(1, keepdim=True).expand_as(fm)
             fused = visual + F.conv_transpose1d(fm.transpose(1, 2), of_mixed, padding=1)

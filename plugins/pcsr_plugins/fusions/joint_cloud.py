@@ -1,11 +1,11 @@
-"""Touch as geometry: touched points are part of what is made, and of what the next pass sees. Our own.
+"""Touched points become part of the dense cloud, and of the input of the next pass. Our own.
 
 The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
-and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here the host puts the touched
-points in the place of what the network made around them, as densely as the rest (`keeps_touched_points`); where there
-is another pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the
-network learns how the spacing changes at their border. At inference they don't: a cloud that is many times as dense in
-one region is unlike all others, and that took back most of what the touch had brought.
+and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here touched points replace the
+points that the network made around them, as densely as the rest of the cloud (`keeps_touched_points`); where there is
+a second pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the
+network learns of changing spacing. At inference they do not: a cloud that is many times as dense in one region has
+neighbourhoods unlike those elsewhere, and lost most of what the touch had gained.
 """
 
 from typing import ClassVar
@@ -37,7 +37,7 @@ class JointCloud(NoFusion):
         self.points = points
 
     def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
-        """In training every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
+        """In training every k-th point of each touch along its Hilbert curve, after the cloud's points.
 
         Touches of no points are left out.
 

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from pcsr.geometry.neighbours import gather, knn
-from pcsr.tensors import Features
+from pcsr.tensors import Features, Points
 
 
 class DenseEdgeConv(nn.Module):
@@ -44,13 +44,13 @@ class DenseEdgeConv(nn.Module):
         Raises:
             UserError: the cloud has no more points than a point has neighbours.
         """
-        near = knn(features, features, self.neighbours + 1)[..., 1:]
+        index = knn(features, features, self.neighbours + 1)[..., 1:]
         edges: list[Float[Tensor, "b n k growth"]] = []
         points, channels = [features], features.shape[-1]
         for layer in cast("Iterable[nn.Linear]", self.layers):
             if not edges:
                 u, v = layer.weight.chunk(2, dim=1)
-                y = gather(F.linear(features, v), near)
+                y = gather(F.linear(features, v), index)
                 own = F.linear(features, u - v, layer.bias)
             else:
                 on_edges, on_point = torch.split(layer.weight, [layer.in_features - channels, channels], dim=1)
@@ -62,3 +62,28 @@ class DenseEdgeConv(nn.Module):
                 edges.insert(0, F.relu(y + own.unsqueeze(2)))
                 points.insert(0, edges[0].amax(2))
         return torch.cat(points, dim=-1)
+
+
+class DenseEdgeConvStack(nn.Module):
+    """Blocks of dense edge convolutions in a row, each on all features so far, narrowed by one layer.
+
+    At the widths of PU-GAN its 24 input channels become 120, 240, 360 and 480.
+    """
+
+    def __init__(self, c_in: int, blocks: int, layers: int, growth: int, between: int, neighbours: int) -> None:
+        super().__init__()
+        self.channels = c_in
+        self.blocks, self.narrow = nn.ModuleList(), nn.ModuleList()
+        for step in range(blocks):
+            if step:
+                self.narrow.append(nn.Linear(self.channels, between))
+            block = DenseEdgeConv(between if step else c_in, growth, layers, neighbours)
+            self.blocks.append(block)
+            self.channels += block.channels
+
+    def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
+        """Refined features; the newest channels come first, the input's last. The coordinates are not used."""
+        for step, block in enumerate(self.blocks):
+            narrow = F.relu(self.narrow[step - 1](features)) if step else features
+            features = torch.cat([block(narrow), features], dim=-1)
+        return features

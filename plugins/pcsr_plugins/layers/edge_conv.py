@@ -26,7 +26,7 @@ class EdgeConv(nn.Module):
     """max over j of ReLU(W₁·(xⱼ − xᵢ) + b + W₂·xᵢ).
 
     ReLU grows and only W₁·xⱼ depends on j: it is ReLU((W₂ − W₁)·xᵢ + b + max over j of W₁·xⱼ), and the edges are
-    never made.
+    never stored.
     """
 
     def __init__(self, c_in: int, c_out: int) -> None:
@@ -34,14 +34,14 @@ class EdgeConv(nn.Module):
         self.message = nn.Linear(c_in, c_out)
         self.centre = nn.Linear(c_in, c_out, bias=False)
 
-    def forward(self, x: Features, near: Neighbours) -> Float[Tensor, "b n wide"]:
+    def forward(self, x: Features, index: Neighbours) -> Float[Tensor, "b n wide"]:
         """Features of the edges' maximum."""
-        return F.relu(self.at_centre(x) + neighbour_max(self.at_neighbour(x), near))
+        return F.relu(self.at_centre(x) + neighbour_max(self.at_neighbour(x), index))
 
     def at_centre(self, x: Features) -> Float[Tensor, "b n wide"]:
-        """What an edge has from its own point: (W₂ − W₁)·xᵢ + b."""
+        """Term of an edge that depends on its own point: (W₂ − W₁)·xᵢ + b."""
         return F.linear(x, self.centre.weight - self.message.weight, self.message.bias)
 
     def at_neighbour(self, x: Features) -> Float[Tensor, "b n wide"]:
-        """What it has from the other: W₁·xⱼ."""
+        """Term of an edge that depends on the other point: W₁·xⱼ."""
         return F.linear(x, self.message.weight)

@@ -1,4 +1,4 @@
-"""The 2-D grid that tells a point's copies apart, as in FoldingNet: PU-GAN and Dis-PU add it to their features.
+"""The 2-D grid that distinguishes a point's copies, as in FoldingNet: PU-GAN and Dis-PU add it to their features.
 
 Li et al., "PU-GAN: a Point Cloud Upsampling Adversarial Network", ICCV 2019, Sec. 3.2; the extent of 0.2 is its code's.
 """
@@ -14,7 +14,7 @@ EXTENT = 0.2
 
 
 def grid(count: int) -> Float[Tensor, "count 2"]:
-    """`count` places in rows and columns, as near to a square as its divisors allow: 3 by 2 for 6.
+    """`count` grid points in rows and columns, as close to a square as its divisors allow: 3 by 2 for 6.
 
     A single row or column lies at −EXTENT.
     """

@@ -1,4 +1,4 @@
-"""Features at places between the points: the inverse-distance mean of the nearest three.
+"""Interpolation of features at query points: the inverse-distance mean of the nearest three.
 
 Qi et al., "PointNet++", NeurIPS 2017, Eq. 2, which weighs by the squared distance (PU-Net does); Grad-PU (He et al.,
 CVPR 2023) weighs by the distance itself.
@@ -13,51 +13,51 @@ from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Features, Points
 
 TINY = 1e-8
-"""Added to the distance: a place that coincides with a point gets that point's features."""
+"""Added to the distance: a query that coincides with a point gets that point's features."""
 
 
 def interpolate(
-    places: Float[Tensor, "b q 3"], points: Points, features: Features, k: int = 3, power: int = 1
+    queries: Float[Tensor, "b q 3"], points: Points, features: Features, k: int = 3, power: int = 1
 ) -> Float[Tensor, "b q c"]:
-    """Carry the features of `points` to `places`.
+    """Interpolate the features of `points` at `queries`.
 
-    A linear layer before it is the same as one after it, and there may be far fewer points than places.
+    It commutes with a linear layer, which is cheaper before it where there are fewer points than queries.
 
     Args:
-        places: where features are wanted.
-        points: where there are features.
+        queries: query points.
+        points: those that the features are of.
         features: those of `points`.
-        k: how many points each place looks at.
+        k: number of nearest points that are averaged.
         power: of the distance by which a point weighs less; 1 or 2 as a rule.
 
     Raises:
         UserError: there are fewer than k points.
     """
-    return mix(features, *inverse_distance(places, points, k, power))
+    return mix(features, *inverse_distance(queries, points, k, power))
 
 
 def inverse_distance(
-    places: Float[Tensor, "b q 3"], points: Points, k: int = 3, power: int = 1
+    queries: Float[Tensor, "b q 3"], points: Points, k: int = 3, power: int = 1
 ) -> tuple[Int[Tensor, "b q k"], Float[Tensor, "b q k"]]:
-    """The k points nearest to each place, nearest first, and how much each of them weighs; the weights' sum is 1.
+    """The k points nearest to each query, nearest first, and their weights, whose sum is 1.
 
-    The weights have a gradient by the places: hand in `places.detach()` where it isn't wanted.
+    The weights have a gradient with respect to the queries: pass `queries.detach()` where it is not wanted.
 
     Raises:
         UserError: there are fewer than k points.
     """
-    near = knn(places.detach(), points.detach(), k)
-    square = (gather(points, near) - places.unsqueeze(2)).square().sum(-1)
+    index = knn(queries.detach(), points.detach(), k)
+    square = (gather(points, index) - queries.unsqueeze(2)).square().sum(-1)
     apart = square.clamp_min(TINY**2).sqrt()  # where both coincide a norm has a gradient, but the gradient has none
     closeness = 1 / (apart**power + TINY)
-    return near, closeness / closeness.sum(-1, keepdim=True)
+    return index, closeness / closeness.sum(-1, keepdim=True)
 
 
-def mix(features: Features, near: Int[Tensor, "b q k"], weights: Float[Tensor, "b q k"]) -> Float[Tensor, "b q c"]:
-    """The weighted sum of the features at each place's points; the (b q k c) of them are never made."""
+def mix(features: Features, index: Int[Tensor, "b q k"], weights: Float[Tensor, "b q k"]) -> Float[Tensor, "b q c"]:
+    """Weighted sum of the features of each query's points; the (b q k c) of them are never stored."""
     b, n, c = features.shape
-    start = n * torch.arange(b, device=near.device).view(b, 1, 1)
+    start = n * torch.arange(b, device=index.device).view(b, 1, 1)
     rows = features.reshape(b * n, c).to(weights.dtype)
-    k = near.shape[-1]
-    mixed = F.embedding_bag((near + start).view(-1, k), rows, mode="sum", per_sample_weights=weights.reshape(-1, k))
+    k = index.shape[-1]
+    mixed = F.embedding_bag((index + start).view(-1, k), rows, mode="sum", per_sample_weights=weights.reshape(-1, k))
     return mixed.view(b, -1, c)

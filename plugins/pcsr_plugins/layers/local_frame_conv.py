@@ -1,7 +1,7 @@
-"""An edge convolution that reads neighbourhoods in their own frames.
+"""Edge convolution on rotation-invariant edge features.
 
 As DGCNN's (Wang et al., "Dynamic Graph CNN for Learning on Point Clouds", ACM TOG 2019, Eq. 7), with lengths and
-angles in the place of coordinates, and the mean beside the maximum: a curvature is an average.
+angles instead of coordinates, and the mean beside the maximum, since a curvature is an average.
 """
 
 import torch
@@ -28,6 +28,8 @@ class LocalFrameConv(nn.Module):
         self, features: Features, frames: LocalFrames, edges: Float[Tensor, "b n k 8"]
     ) -> Float[Tensor, "b n wide"]:
         """Convolve."""
-        heard = F.relu(self.here(features).unsqueeze(2) + gather(self.there(features), frames.near) + self.edge(edges))
-        convolved: Tensor = self.out(torch.cat([heard.amax(2), heard.mean(2)], dim=-1))
+        messages = F.relu(
+            self.here(features).unsqueeze(2) + gather(self.there(features), frames.index) + self.edge(edges)
+        )
+        convolved: Tensor = self.out(torch.cat([messages.amax(2), messages.mean(2)], dim=-1))
         return convolved

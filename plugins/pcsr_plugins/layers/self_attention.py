@@ -19,8 +19,9 @@ LANES = 8
 class SelfAttention(nn.Module):
     """x + γ·softmax(q·kᵀ)·v over all points of a cloud; γ is learned and starts at 0, so that at first it is x.
 
-    The logits (b n n) are never kept: fused attention works them out a block at a time, on the way back once more. Its
-    kernels want one width for all three, and are fastest at multiples of eight: zeros fill them up and change nothing.
+    The logits (b n n) are never kept: fused attention works them out a block at a time, in the backward pass once more.
+    Its kernels want one width for all three, and are fastest at multiples of eight: zeros fill them up and change
+    nothing.
     """
 
     def __init__(self, channels: int) -> None:
@@ -31,9 +32,9 @@ class SelfAttention(nn.Module):
         self.gamma = nn.Parameter(torch.zeros(()))
 
     def forward(self, x: Features) -> Features:
-        """Let each point hear all points."""
+        """Attend to all points."""
         c = x.shape[-1]
         wide = (F.relu(layer(x)).unsqueeze(1) for layer in (self.query, self.key, self.value))  # (b heads n c), 1 head
         q, k, v = (F.pad(part, (0, c + -c % LANES - part.shape[-1])) for part in wide)
-        heard = F.scaled_dot_product_attention(q, k, v, scale=1.0)
-        return x + self.gamma * heard.squeeze(1)[..., :c]
+        attended = F.scaled_dot_product_attention(q, k, v, scale=1.0)
+        return x + self.gamma * attended.squeeze(1)[..., :c]

@@ -5,7 +5,7 @@ Qi et al., "PointNet++: Deep Hierarchical Feature Learning on Point Sets in a Me
     f'(c) = max over j in the ball of c of MLP([pⱼ − c, fⱼ])
 
 The ball holds the `samples` nearest of the points within `radius`; the code of PointNet++ takes those that come first
-in the file. It fills up the ball with copies of one of them, which the maximum does not feel.
+in the file. It fills up the ball with copies of one of them, which leave the maximum as it is.
 """
 
 from itertools import pairwise
@@ -38,13 +38,13 @@ class SetAbstraction(nn.Module):
         Args:
             centres: the middles of the balls, as a rule some of the points.
             points: (b n 3).
-            features: (b n c) of the points; None where they have nothing but their places.
+            features: (b n c) of the points; None where there are coordinates alone.
         """
-        near = ball(centres, points, self.radius, self.samples)
+        index = ball(centres, points, self.radius, self.samples)
         # The first layer is linear in pⱼ, c and fⱼ: it is worked out for each point and each centre, not each edge.
         known = points if features is None else torch.cat([points, features], dim=-1)
         own = F.linear(centres, self.first.weight[:, :3])
-        y = gather(self.first(known), near) - own.unsqueeze(2)  # (b q k wide)
+        y = gather(self.first(known), index) - own.unsqueeze(2)  # (b q k wide)
         for layer in self.others:
             y = layer(F.relu(y))
         return F.relu(y.amax(2))
@@ -55,8 +55,8 @@ def ball(centres: Float[Tensor, "b q 3"], points: Points, radius: float, samples
 
     k is the most that any of the balls holds: of patches of 256 points those of PU-Net hold but a few.
     """
-    near = knn(centres, points, min(samples, points.shape[1]))
+    index = knn(centres, points, min(samples, points.shape[1]))
     with torch.no_grad():
-        inside = (gather(points, near) - centres.unsqueeze(2)).square().sum(-1) < radius**2
+        inside = (gather(points, index) - centres.unsqueeze(2)).square().sum(-1) < radius**2
         most = max(1, int(inside.sum(-1).max()))
-        return torch.where(inside, near, near[..., :1])[..., :most]
+        return torch.where(inside, index, index[..., :1])[..., :most]

@@ -20,7 +20,7 @@ from pcsr import Objective, UpsamplingNetwork
 from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points, TouchMask, TouchPoints
 from pcsr_plugins.layers.options import Weight
-from pcsr_plugins.objectives.terms import hinge_repulsion
+from pcsr_plugins.layers.point_losses import hinge_repulsion
 
 WEIGHTS = (0.01, 0.1, 0.5, 1.0)
 """The weight of the refined cloud, one after the other."""

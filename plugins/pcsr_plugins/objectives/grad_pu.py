@@ -1,8 +1,8 @@
-"""Grad-PU's objective: the network is asked for distances, not for a cloud.
+"""Grad-PU's objective: error of predicted distances to the surface.
 
 He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with Learned Distance Functions",
-CVPR 2023, Sec. 3.3. Places are the interpolated points with noise of 0.02 radii; what the regressor says there is
-compared with the distance to the nearest point of the truth: L1, summed over the places, averaged over the batch.
+CVPR 2023, Sec. 3.3. Queries are the interpolated points with noise of 0.02 radii; the predicted distance there is
+compared with that to the nearest point of the truth: L1, summed over the queries, averaged over the batch.
 """
 
 from typing import Annotated
@@ -16,7 +16,7 @@ from pcsr import Objective, UpsamplingNetwork, UserError
 from pcsr.geometry.neighbours import gather
 from pcsr.metrics.nearest import nearest
 from pcsr.tensors import Dense, Points, TouchMask, TouchPoints
-from pcsr_plugins.upsamplers.descent import Descent
+from pcsr_plugins.layers.distance_regressor import DistanceRegressor
 
 
 class GradPU(Objective):
@@ -46,27 +46,27 @@ class GradPU(Objective):
             UserError: the network's upsampler predicts no distances.
         """
         upsampler = network.upsampler
-        if not isinstance(upsampler, Descent):
+        if not isinstance(upsampler, DistanceRegressor):
             raise UserError(
                 f"objective 'grad-pu' judges distances, and the upsampler {type(upsampler).__name__} predicts none: "
                 f"set model.upsampler to descent, or train.objective to chamfer"
             )
         start = upsampler.prepare(points, rate)
         cloud, features = network.refine(start, touches, mask)
-        places = self._noisy(start)
-        predicted = upsampler.distance(places, cloud, features)
-        return {"distance": (predicted - distance(places, truth)).abs().sum(1).mean()}
+        queries = self._noisy(start)
+        predicted = upsampler.distance(queries, cloud, features)
+        return {"distance": (predicted - distance(queries, truth)).abs().sum(1).mean()}
 
-    def _noisy(self, places: Dense) -> Dense:
+    def _noisy(self, queries: Dense) -> Dense:
         generator = torch.Generator().manual_seed(int(self.calls))
         if self.training:
             self.calls += 1
-        noise = torch.randn(places.shape, generator=generator, dtype=places.dtype)
-        return places + self.sigma * noise.to(places.device)
+        noise = torch.randn(queries.shape, generator=generator, dtype=queries.dtype)
+        return queries + self.sigma * noise.to(queries.device)
 
 
-def distance(places: Dense, truth: Float[Tensor, "b g 3"]) -> Float[Tensor, "b rn"]:
-    """How far each place is from the nearest true point."""
-    met = gather(truth, nearest(places, truth).unsqueeze(-1)).squeeze(2)
-    apart: Tensor = (places - met).norm(dim=-1)
+def distance(queries: Dense, truth: Float[Tensor, "b g 3"]) -> Float[Tensor, "b rn"]:
+    """Distance of each query to the nearest true point."""
+    met = gather(truth, nearest(queries, truth).unsqueeze(-1)).squeeze(2)
+    apart: Tensor = (queries - met).norm(dim=-1)
     return apart

@@ -13,7 +13,7 @@ decay of the weights (1e-5).
 """
 
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float, Int
@@ -22,11 +22,10 @@ from torch import Tensor, nn
 from pcsr import Objective
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.neighbours import gather, knn
-from pcsr.metrics.chamfer import chamfer
 from pcsr.tensors import Points
 from pcsr_plugins.layers.options import Weight
+from pcsr_plugins.layers.point_losses import hinge_repulsion, matched_distance
 from pcsr_plugins.layers.self_attention import SelfAttention
-from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance
 
 SHARES = (0.004, 0.006, 0.008, 0.010, 0.012)
 """Discs of these shares of a patch are looked at; a patch is taken for a disc of radius 1."""
@@ -37,7 +36,7 @@ TINY = 1e-8
 
 
 class PuGan(Objective):
-    """Trains a network and its discriminator in one step; `fidelity: chamfer` for clouds too large to be matched."""
+    """Trains a network and its discriminator in one step."""
 
     lr_multiplier: ClassVar[float] = 0.1
     needs = frozenset({"ot"})
@@ -45,14 +44,12 @@ class PuGan(Objective):
     def __init__(
         self,
         *,
-        fidelity: Literal["emd", "chamfer"] = "emd",
         fidelity_weight: Weight = 100.0,
         uniform_weight: Weight = 10.0,
         repulsion_weight: Weight = 1.0,
         adversarial_weight: Weight = 0.5,
     ) -> None:
         super().__init__()
-        self.fidelity = fidelity
         self.fidelity_weight = fidelity_weight
         self.uniform_weight = uniform_weight
         self.repulsion_weight = repulsion_weight
@@ -63,14 +60,11 @@ class PuGan(Objective):
         self, prediction: Float[Tensor, "b rn 3"], target: Float[Tensor, "b g 3"]
     ) -> dict[str, Float[Tensor, ""]]:
         """The generator's four terms and the discriminator's one, none of which pulls at the other's weights."""
-        matched = self.fidelity == "emd"
-        # The code's Chamfer distance is the mean of both directions.
-        apart = matched_distance(prediction, target) if matched else chamfer(prediction, target) / 2
         fixed = {name: weight.detach() for name, weight in self.discriminator.named_parameters()}
         judged = torch.func.functional_call(self.discriminator, fixed, (prediction,))
         true, made = self.discriminator(target), self.discriminator(prediction.detach())
         return {
-            self.fidelity: self.fidelity_weight * apart.mean(),
+            "emd": self.fidelity_weight * matched_distance(prediction, target).mean(),
             "uniform": self.uniform_weight * uniformity(prediction).mean(),
             "repulsion": self.repulsion_weight * hinge_repulsion(prediction).mean(),
             "generator": self.adversarial_weight * (judged - 1).square().mean(),

@@ -1,13 +1,12 @@
-"""Coverage and accuracy, each by itself, in the place of the Chamfer distance. Our own.
+"""Coverage and accuracy as separate terms instead of the Chamfer distance. Our own.
 
 The Chamfer distance from the new points to the true ones is for the most part the gaps between the true ones, so it
 says little of whether a point lies on the surface. And where the sparse points are some of the true ones, it rewards
 whoever draws new points to them. A network that learns by it comes to lie worse on smooth surfaces than interpolation
-does, and less evenly (RESULTS.md, "PU-GAN's shapes"). Here only the way from the true points is the Chamfer distance's.
-The new ones are held to the plane of the nearest true point and those around it: the point-to-plane error of
-registration (Chen and Medioni, "Object modelling by registration of multiple range images", Image and Vision Computing
-1992, Eq. 4); and where there is no true point within reach, to that point. Within reach is what is nearer than true
-points are to each other in the mean, so the truth has to be evenly sampled (`data.truth`: both kinds are).
+does, and less evenly (RESULTS.md, "PU-GAN's shapes"). Here the target-to-prediction term is the Chamfer term. The
+prediction-to-target term is a point-to-plane distance (Chen and Medioni, "Object modelling by registration of multiple
+range images", Image and Vision Computing 1992, Eq. 4) to a plane fitted around the nearest target point; beyond one
+target spacing it is point-to-point. The spacing is the mean over the cloud, so the truth has to be evenly sampled.
 """
 
 import torch
@@ -34,9 +33,10 @@ class Surface(Objective):
 
         Args:
             surface: of the squared distance to the plane. The more, the nearer to the surface new points lie, and the
-                barer are thin limbs: a place that is between their sheets goes back to where it came from.
+                barer are thin limbs: a candidate between their sheets goes back to where it came from.
             stray: of the squared distance beyond the truth's spacing, the mean distance from a true point to the next.
-                It needs an evenly sampled truth: of another, places on the surface between true points far apart stray.
+                It needs an evenly sampled truth: of another, points on the surface between true points far apart count
+                as stray.
         """
         super().__init__()
         self.surface, self.stray = surface, stray
@@ -51,10 +51,10 @@ class Surface(Objective):
         """
         normals, spacing = planes(target)
         there, back = nearest(prediction, target).unsqueeze(-1), nearest(target, prediction).unsqueeze(-1)
-        way = prediction - gather(target, there).squeeze(2)
+        offset = prediction - gather(target, there).squeeze(2)
         gap = target - gather(prediction, back).squeeze(2)
-        height = (way * gather(normals, there).squeeze(2)).sum(-1)
-        beyond = F.relu((way.square().sum(-1) + 1e-12).sqrt() - spacing)  # the root of 0 has no gradient
+        height = (offset * gather(normals, there).squeeze(2)).sum(-1)
+        beyond = F.relu((offset.square().sum(-1) + 1e-12).sqrt() - spacing)  # the root of 0 has no gradient
         return {
             "coverage": gap.square().sum(-1).mean(),
             "surface": self.surface * height.square().mean(),
@@ -74,6 +74,6 @@ def planes(points: Points) -> tuple[Float[Tensor, "b n 3"], Float[Tensor, "b 1"]
             f"{points.shape[1]} in all: give it more (data.points times data.rate), or take objective 'chamfer'"
         )
     with torch.no_grad():
-        near = knn(points, points, min(AROUND + 1, points.shape[1]))[..., 1:]
-        ways = gather(points, near) - points.unsqueeze(2)
-        return plane(ways), ways[:, :, 0].norm(dim=-1).mean(1, keepdim=True)
+        index = knn(points, points, min(AROUND + 1, points.shape[1]))[..., 1:]
+        offsets = gather(points, index) - points.unsqueeze(2)
+        return plane(offsets), offsets[:, :, 0].norm(dim=-1).mean(1, keepdim=True)

@@ -26,7 +26,7 @@ class Recorded(TouchSource):
         Args:
             folder: holds a recording of its own, or a folder with one for each object, of the object's name with
                 or without its suffix.
-            points: kept of each touch, drawn at random; where it felt fewer, they are repeated.
+            points: kept of each touch, drawn at random; where it has fewer, they are repeated.
 
         Raises:
             UserError: no such folder.
@@ -76,9 +76,9 @@ class Recorded(TouchSource):
         inner = PurePosixPath(name)
         if inner.is_absolute() or ".." in inner.parts:
             raise UserError(f"touch 'recorded': '{name}' leads out of '{self.folder}'")
-        tried = list(dict.fromkeys(self.folder / place for place in (inner.with_suffix(""), inner)))
+        tried = list(dict.fromkeys(self.folder / name for name in (inner.with_suffix(""), inner)))
         for folder in tried:
             if (folder / MANIFEST).is_file():
                 return folder
-        places = " nor ".join(str(folder / MANIFEST) for folder in [self.folder, *tried])
-        raise UserError(f"{name}: touch 'recorded' finds no recording of it: neither {places} is there")
+        folders = " nor ".join(str(folder / MANIFEST) for folder in [self.folder, *tried])
+        raise UserError(f"{name}: touch 'recorded' finds no recording of it: neither {folders} is there")

@@ -3,9 +3,9 @@
 Yu et al., "PU-Net: Point Cloud Upsampling Network", CVPR 2018, with the sizes of its code: r separate
 branches of two layers, 256 and 128 channels wide; one regressor, 64 and 3, gives absolute coordinates.
 
-PU-GCN (Qian et al., CVPR 2021) publishes 812.0 K weights for PU-Net. Those are of its own writing of it, in which the
-first layer of each branch but the first takes what the first layer of the branch before has given, and not the
-features: `chained: true`. PU-Net's own code has separate branches and 2,304 weights more.
+PU-GCN (Qian et al., CVPR 2021) publishes 812.0 K weights for PU-Net. Those are of its own implementation, in which the
+first layer of each branch but the first takes the output of the first layer of the branch before instead of the
+features. PU-Net's own code has separate branches and 2,304 weights more.
 """
 
 import torch
@@ -28,14 +28,11 @@ class Branches(Upsampler):
         *,
         channels: tuple[Channels, Channels] = (256, 128),
         hidden: Channels = 64,
-        chained: bool = False,
     ) -> None:
         super().__init__()
         self.rate = widths.rate
-        self.chained = chained
         inner, outer = channels
-        later = inner if chained else widths.refined
-        self.first = nn.ModuleList(nn.Linear(later if i else widths.refined, inner) for i in range(widths.rate))
+        self.first = nn.ModuleList(nn.Linear(widths.refined, inner) for _ in range(widths.rate))
         self.second = nn.ModuleList(nn.Linear(inner, outer) for _ in range(widths.rate))
         self.regressor = nn.Sequential(nn.Linear(outer, hidden), nn.ReLU(), nn.Linear(hidden, 3))
 
@@ -43,11 +40,7 @@ class Branches(Upsampler):
         """Expand and reconstruct: the i-th point of the j-th branch stands at j·n + i."""
         if rate != self.rate:
             raise UserError(f"this 'branches' was built for rate {self.rate}, not {rate}: train one for rate {rate}")
-        expanded = []
-        heard = features
-        for first, second in zip(self.first, self.second, strict=True):
-            inner = F.relu(first(heard))
-            heard = inner if self.chained else features
-            expanded.append(F.relu(second(inner)))
-        dense: Dense = self.regressor(torch.cat(expanded, dim=1))
+        branches = zip(self.first, self.second, strict=True)
+        expanded = torch.cat([F.relu(second(F.relu(first(features)))) for first, second in branches], dim=1)
+        dense: Dense = self.regressor(expanded)
         return dense

@@ -1,10 +1,10 @@
-"""Gradient descent on a learned distance: Grad-PU's way from an interpolated cloud to the surface.
+"""Gradient descent on a learned distance function, from an interpolated cloud to the surface: Grad-PU.
 
-He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with Learned Distance Functions",
-CVPR 2023, Sec. 3.2 to 3.4. The cloud is interpolated by midpoints. A small regressor says how far a place is from the
-surface, by the features of the three points nearest to it. Each new point then follows x ← x − step · ∂distance/∂x a
-few times; the features stay as they are, only the places at which they are read move. As published the features, too,
-are those of the interpolated cloud, of which patches are cut: `prepare` gives it, and it then descends at rate 1.
+He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with Learned Distance Functions", CVPR
+2023, Sec. 3.2 to 3.4. The cloud is interpolated by midpoints. A small regressor predicts the distance of a query to the
+surface from the features of the three points nearest to it. Each new point then follows x ← x − step · ∂distance/∂x a
+few times; the features stay fixed, and are interpolated at the moved points. As published the features, too, are those
+of the interpolated cloud, of which patches are cut: `prepare` gives it, and it then descends at rate 1.
 
 The authors' code takes the gradient of the *mean* over all points of all patches and multiplies it by 50, so that
 a point's step falls with the number of points. Here the step is a point's own: 50 / (24 · 1024), which is what that
@@ -20,21 +20,22 @@ from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pcsr import Trait, Upsampler, Widths
+from pcsr import Trait, Widths
 from pcsr.geometry.neighbours import gather
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.distance_regressor import DistanceRegressor
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.midpoints import interpolated
 from pcsr_plugins.layers.options import Cascade, Positive
-from pcsr_plugins.upsamplers.midpoint import interpolated
 
 STEP = 50 / (24 * 1024)
-"""In radii of the patch, where the distance grows by one for each unit of the way."""
+"""Step in radii of the patch, for a distance whose gradient has norm 1."""
 BEFORE = 0.02
 """The least distance that an untrained regressor gives: about what it is trained for."""
 
 
-class Descent(Upsampler):
+class Descent(DistanceRegressor):
     """Interpolates, then goes downhill."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
@@ -54,7 +55,7 @@ class Descent(Upsampler):
         self.farthest = farthest
         wide = (3 + widths.refined, *hidden, 1)
         self.layers = nn.ModuleList(nn.Linear(c_in, c_out) for c_in, c_out in itertools.pairwise(wide))
-        # The output has a ReLU too. From half of all random weights it gives 0 for every place, and never learns.
+        # The output has a ReLU too. From half of all random weights it gives 0 everywhere, and never learns.
         weight, bias = self.layers[-1].parameters()
         nn.init.constant_(bias, BEFORE)
         with torch.no_grad():
@@ -68,53 +69,53 @@ class Descent(Upsampler):
         return self.descend(self.prepare(points, rate), points, features)
 
     def prepare(self, points: Points, rate: int) -> Dense:
-        """The interpolated cloud: what the network sees, where the descent starts, and near where it is trained."""
+        """The interpolated cloud, which the network encodes and the descent starts from."""
         return points if rate == 1 else interpolated(along(hilbert_order(points), points), rate)
 
-    def distance(self, places: Dense, points: Points, features: Features) -> Float[Tensor, "b rn"]:
-        """How far each place is from the surface, never below 0.
+    def distance(self, queries: Dense, points: Points, features: Features) -> Float[Tensor, "b rn"]:
+        """Predicted distance of each query to the surface, never below 0.
 
         Args:
-            places: (b rn 3).
+            queries: (b rn 3).
             points: those that the features are of.
             features: (b n c).
         """
-        return self._distance(places, points, self._lifted(features))
+        return self._distance(queries, points, self._lifted(features))
 
-    def descend(self, places: Dense, points: Points, features: Features) -> Dense:
-        """Move the places downhill; where the distance is `farthest` or more, nothing moves.
+    def descend(self, queries: Dense, points: Points, features: Features) -> Dense:
+        """Move the queries downhill; those at distance `farthest` or more stay.
 
         It works wherever it is called, under `torch.no_grad` and `torch.inference_mode` too. Where gradients are
         recorded, the result has one by the features and the weights.
         """
         recorded = torch.is_grad_enabled()
         with torch.inference_mode(False), torch.enable_grad():
-            places, points, features = (_recordable(tensor) for tensor in (places, points, features))
+            queries, points, features = (_recordable(tensor) for tensor in (queries, points, features))
             lifted = self._lifted(features)
             if not recorded:
                 lifted = lifted.detach()
-            places = places.detach().requires_grad_()
+            queries = queries.detach().requires_grad_()
             for _ in range(self.iterations):
-                distance = self._distance(places, points, lifted, twice=recorded).clamp_max(self.farthest)
-                (uphill,) = torch.autograd.grad(distance.sum(), places, create_graph=recorded)
-                places = places - self.step * uphill
+                distance = self._distance(queries, points, lifted, twice=recorded).clamp_max(self.farthest)
+                (uphill,) = torch.autograd.grad(distance.sum(), queries, create_graph=recorded)
+                queries = queries - self.step * uphill
                 if not recorded:
-                    places = places.detach().requires_grad_()
-        return places if recorded else places.detach()
+                    queries = queries.detach().requires_grad_()
+        return queries if recorded else queries.detach()
 
     def _lifted(self, features: Features) -> Float[Tensor, "b n hidden"]:
-        """The part of the first layer that sees features. Applied before these are read at the places: once for all."""
+        """First layer's part for the features, applied before these are interpolated: once for all queries."""
         weight, _ = self.layers[0].parameters()
         return F.linear(features, weight[:, 3:])
 
     def _distance(
-        self, places: Dense, points: Points, lifted: Float[Tensor, "b n hidden"], *, twice: bool = False
+        self, queries: Dense, points: Points, lifted: Float[Tensor, "b n hidden"], *, twice: bool = False
     ) -> Float[Tensor, "b rn"]:
         """`twice`: it will be differentiated twice, and what `mix` is made of can be once."""
-        near, weights = inverse_distance(places, points)
-        read = (weights.unsqueeze(-1) * gather(lifted, near)).sum(2) if twice else mix(lifted, near, weights)
+        index, weights = inverse_distance(queries, points)
+        read = (weights.unsqueeze(-1) * gather(lifted, index)).sum(2) if twice else mix(lifted, index, weights)
         weight, bias = self.layers[0].parameters()
-        x = F.relu(F.linear(places, weight[:, :3], bias) + read)
+        x = F.relu(F.linear(queries, weight[:, :3], bias) + read)
         for layer in self.layers[1:]:
             x = F.relu(layer(x))
         return x.squeeze(-1)

@@ -2,8 +2,8 @@
 
 Li et al., "Point Cloud Upsampling via Disentangled Refinement", CVPR 2021, Sec. 3; the refiner's details, which the
 paper leaves open, are those of its code: a local and a global unit after PointASNL (Yan et al., CVPR 2020), whose local
-one is a PointConv (Wu et al., CVPR 2019). The coarse cloud holds coordinates themselves; the refiner's way from
-there is at most `reach` along each axis.
+one is a PointConv (Wu et al., CVPR 2019). The coarse cloud holds coordinates themselves; the refiner's offset
+from there is at most `reach` along each axis.
 """
 
 from typing import Annotated
@@ -21,7 +21,7 @@ from pcsr_plugins.layers.grid import grid
 from pcsr_plugins.layers.options import Positive
 
 HIDDEN = (256, 64)
-"""Channels before the coordinates, of the coarse cloud as of the ways."""
+"""Channels before the coordinates, of the coarse cloud and of the offsets."""
 
 
 class DisPU(Upsampler):
@@ -56,19 +56,19 @@ class DisPU(Upsampler):
         """The coarse cloud and the refined one."""
         if rate != self.rate:
             raise UserError(f"this 'dis-pu' was built for rate {self.rate}, not {rate}: train one for rate {rate}")
-        # The first layer on [feature, place in the grid]: the wide part is the same for all copies of a point.
-        own, place = torch.split(self.copy.weight, [features.shape[-1], 2], dim=1)
-        copies = F.linear(features, own, self.copy.bias).unsqueeze(2) + F.linear(self.grid.to(features.dtype), place)
+        # The first layer on [feature, grid point]: the wide part is the same for all copies of a point.
+        own, code = torch.split(self.copy.weight, [features.shape[-1], 2], dim=1)
+        copies = F.linear(features, own, self.copy.bias).unsqueeze(2) + F.linear(self.grid.to(features.dtype), code)
         dense = F.relu(self.expand(F.relu(copies))).flatten(1, 2)  # (b r·n c)
         coarse: Dense = self.coarse(dense)
-        way = self.reach * (2 * torch.sigmoid(self.way(self.refiner(coarse, dense))) - 1)
-        return [coarse, coarse + way]
+        offset = self.reach * (2 * torch.sigmoid(self.way(self.refiner(coarse, dense))) - 1)
+        return [coarse, coarse + offset]
 
 
 class Refiner(nn.Module):
-    """What a point's neighbours say, near ones one by one and all others by attention; twice the channels come out.
+    """Local and global unit: messages of the nearest neighbours, and attention over all points; twice the channels.
 
-    Of a neighbour j its way xⱼ − xᵢ, its place xⱼ and its feature fⱼ are looked at, in this order::
+    Inputs of a neighbour j are its offset xⱼ − xᵢ, its coordinates xⱼ and its feature fⱼ, in this order::
 
         local  = ReLU(W·Σⱼ hⱼ ⊗ kⱼ),  hⱼ = MLP(xⱼ − xᵢ, xⱼ, fⱼ),  kⱼ = ReLU(Norm(K·(xⱼ − xᵢ)))
         skip   = ReLU(W·max over j of (xⱼ − xᵢ, xⱼ, fⱼ))
@@ -82,13 +82,13 @@ class Refiner(nn.Module):
         super().__init__()
         self.channels = 2 * channels
         self.neighbours = neighbours
-        near = 3 + 3 + channels
-        self.edge = nn.Linear(near, channels)
+        wide = 3 + 3 + channels
+        self.edge = nn.Linear(wide, channels)
         self.edge_again = nn.Linear(channels, channels)
         self.kernel = nn.Linear(3, neighbours)
         self.norm = nn.GroupNorm(neighbours, neighbours)  # each channel by itself
         self.local = nn.Linear(channels * neighbours, self.channels)
-        self.skip = nn.Linear(near, self.channels)
+        self.skip = nn.Linear(wide, self.channels)
         self.query = nn.Linear(channels, channels // 2)
         self.key = nn.Linear(channels, channels // 2)
         self.value = nn.Linear(channels, channels // 2)
@@ -96,24 +96,24 @@ class Refiner(nn.Module):
         self.merge = nn.Linear(self.channels, self.channels)
 
     def forward(self, points: Points, features: Features) -> Float[Tensor, "b n wide"]:
-        """Features of what each point of the coarse cloud should do."""
-        near = knn(points.detach(), points.detach(), self.neighbours)  # each point is its own first neighbour
+        """Features of each point of the coarse cloud, from which its offset is predicted."""
+        index = knn(points.detach(), points.detach(), self.neighbours)  # each point is its own first neighbour
         placed = torch.cat([points, features], dim=-1)
-        top = neighbour_max(placed, near)
+        top = neighbour_max(placed, index)
         skip = F.relu(self.skip(torch.cat([top[..., :3] - points, top], dim=-1)))
 
         # The first edge layer is linear in what belongs to j and what belongs to i: a point at a time.
-        way, rest = torch.split(self.edge.weight, [3, placed.shape[-1]], dim=1)
-        there = F.linear(placed, rest) + F.linear(points, way)
-        here = self.edge.bias - F.linear(points, way)
-        said = F.relu(self.edge_again(F.relu(gather(there, near) + here.unsqueeze(2))))  # (b n k c)
-        ways = gather(points, near) - points.unsqueeze(2)
-        kernel = F.relu(self.norm(self.kernel(ways).movedim(-1, 1)).movedim(1, -1))  # (b n k k)
-        local = F.relu(self.local((said.transpose(2, 3) @ kernel).flatten(2)))
+        offset, rest = torch.split(self.edge.weight, [3, placed.shape[-1]], dim=1)
+        there = F.linear(placed, rest) + F.linear(points, offset)
+        here = self.edge.bias - F.linear(points, offset)
+        messages = F.relu(self.edge_again(F.relu(gather(there, index) + here.unsqueeze(2))))  # (b n k c)
+        offsets = gather(points, index) - points.unsqueeze(2)
+        kernel = F.relu(self.norm(self.kernel(offsets).movedim(-1, 1)).movedim(1, -1))  # (b n k k)
+        local = F.relu(self.local((messages.transpose(2, 3) @ kernel).flatten(2)))
 
         q, k, v = (layer(features).unsqueeze(1) for layer in (self.query, self.key, self.value))
-        heard = F.relu(self.back(F.scaled_dot_product_attention(q, k, v).squeeze(1)))
-        result: Tensor = F.relu(self.merge(local + skip + heard))
+        attended = F.relu(self.back(F.scaled_dot_product_attention(q, k, v).squeeze(1)))
+        result: Tensor = F.relu(self.merge(local + skip + attended))
         return result
 
 

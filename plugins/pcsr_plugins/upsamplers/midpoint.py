@@ -1,4 +1,4 @@
-"""An interpolated cloud, refined: the places come from midpoints between neighbours, the network only moves them.
+"""Midpoint interpolation with learned displacements.
 
 The interpolation is Grad-PU's (He et al., "Grad-PU: Arbitrary-Scale Point Cloud Upsampling via Gradient Descent with
 Learned Distance Functions", CVPR 2023, Sec. 3.2), which separates it from what is learned and so takes any rate. Here
@@ -6,33 +6,23 @@ an MLP predicts how far to move, from the features of the nearest points. Before
 network *is* the interpolation.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-
-import numpy as np
 import torch
-from jaxtyping import Float, Int
-from torch import Tensor, nn
+from torch import nn
 
-from pcsr import Trait, Upsampler, UserError, Widths
+from pcsr import Trait, Upsampler, Widths
 from pcsr.geometry.farthest import farthest_points
-from pcsr.geometry.interpolation import Thin, midpoint
-from pcsr.geometry.neighbours import gather, knn
+from pcsr.geometry.neighbours import gather
 from pcsr.geometry.ordering import along, hilbert_order
-from pcsr.geometry.sampling import poisson_subset
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.heads import displacement_head
 from pcsr_plugins.layers.interpolate import inverse_distance, mix
+from pcsr_plugins.layers.midpoints import evenly, interpolated
 from pcsr_plugins.layers.options import Channels
-
-SPACED = 8
-"""Neighbours whose mean distance is the spacing of the points."""
-LEAST = 1e-6
-"""The least spacing, where points coincide; the cloud's radius is 1."""
-TWICE = 16
-"""From this rate on, interpolating by its root twice is far better than once."""
+from pcsr_plugins.layers.spacing import spacing
 
 
 class Midpoint(Upsampler):
-    """Moves interpolated places, in units of the spacing of the points around them."""
+    """Displaces interpolated candidates, in units of the local spacing."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
@@ -40,61 +30,24 @@ class Midpoint(Upsampler):
         super().__init__()
         self.carried = nn.Linear(widths.refined, hidden)
         self.placed = nn.Linear(4, hidden, bias=False)
-        last = nn.Linear(hidden, 3)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
-        self.mlp = nn.Sequential(nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
+        self.mlp = displacement_head(hidden, 3)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """Interpolate and refine.
 
-        The MLP reads the features carried to a place, its way from the points that they are of, and its distance to
-        the nearest of them. That has no direction: a midpoint is as near to one end as to the other. The first
-        layer's part for the features is applied before they are carried: there are fewer points than places.
+        Inputs of the MLP are the features interpolated at a candidate, its offset from the mean of the points that they
+        are of, and its distance to the nearest of them, which has no direction: a midpoint is as close to one end as to
+        the other. The first layer's part for the features is applied before the interpolation: there are fewer points
+        than candidates.
         """
-        # Among points that are equally near the first in this order counts, not the first in the file.
+        # Of equally close points the first in this order counts, not the first in the file.
         order = hilbert_order(points)
         points, features = along(order, points), along(order, features)
-        places = interpolated(points, rate, thin=evenly if self.training else farthest_points)
-        near, weights = inverse_distance(places, points)
-        unit = mix(spacing(points), near, weights)
-        way = places - mix(points, near, weights)
-        nearest = (places - gather(points, near[..., :1]).squeeze(2)).norm(dim=-1, keepdim=True)
-        placed = self.placed(torch.cat([way, nearest], dim=-1) / unit)
-        dense: Dense = places + unit * self.mlp(mix(self.carried(features), near, weights) + placed)
+        candidates = interpolated(points, rate, thin=evenly if self.training else farthest_points)
+        index, weights = inverse_distance(candidates, points)
+        unit = mix(spacing(points), index, weights)
+        offset = candidates - mix(points, index, weights)
+        nearest = (candidates - gather(points, index[..., :1]).squeeze(2)).norm(dim=-1, keepdim=True)
+        placed = self.placed(torch.cat([offset, nearest], dim=-1) / unit)
+        dense: Dense = candidates + unit * self.mlp(mix(self.carried(features), index, weights) + placed)
         return dense
-
-
-def interpolated(points: Points, rate: int, thin: Thin = farthest_points) -> Dense:
-    """Midpoints of each cloud of a batch, as evaluation sets them beside the network. They have no gradient.
-
-    Raises:
-        UserError: a graph is to be exported, or a cloud has too few points for the rate.
-    """
-    if torch.compiler.is_exporting():
-        raise UserError(
-            "upsampler 'midpoint' interpolates by trees and farthest points, which no graph knows: export a network "
-            "with another upsampler, such as 'shuffle'"
-        )
-    passes = 2 if rate >= TWICE else 1
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        clouds = pool.map(
-            lambda cloud: torch.from_numpy(midpoint(cloud.double().numpy(), rate, passes, thin)), points.detach().cpu()
-        )
-        return torch.stack(list(clouds)).to(points)
-
-
-def evenly(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, " count"]:
-    """Blue noise instead of farthest points, for training: nearly as even, in a sixth of the time.
-
-    Of 8 clouds of 512, 16 times as many, farthest points take more than half as long as all else in a step of training.
-    """
-    return poisson_subset(points, count, np.random.default_rng(0))
-
-
-def spacing(points: Points) -> Float[Tensor, "b n 1"]:
-    """Mean distance of each point to its nearest neighbours; `LEAST` where they coincide."""
-    k = min(SPACED, points.shape[1] - 1)
-    ways = gather(points, knn(points, points, k + 1)[..., 1:]) - points.unsqueeze(2)
-    spaced: Tensor = ways.norm(dim=-1).mean(-1, keepdim=True)
-    return spaced.clamp_min(LEAST)

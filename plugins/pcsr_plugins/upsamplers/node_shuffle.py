@@ -2,7 +2,7 @@
 
 Qian et al., "PU-GCN", CVPR 2021, in the reading of its published code: an edge convolution widens
 each point's features r times, on the graph of the 20 nearest points in space; a periodic shuffle cuts them into r
-points; an MLP predicts the way of each from the input point.
+points; an MLP predicts the offset of each from the input point.
 """
 
 from typing import Annotated
@@ -45,5 +45,5 @@ class NodeShuffle(Upsampler):
             )
         b, n, _ = features.shape
         wide = self.widen(F.relu(self.reduce(features)), graph(points, self.neighbours))
-        ways: Dense = self.coordinates(wide.reshape(b, n * rate, -1))
-        return points.repeat_interleave(rate, dim=1) + ways
+        offsets: Dense = self.coordinates(wide.reshape(b, n * rate, -1))
+        return points.repeat_interleave(rate, dim=1) + offsets

@@ -1,24 +1,25 @@
 """The levels of 3PU (MPU): each doubles the points of the one before, looking at them anew.
 
 Wang et al., "Patch-based Progressive 3D Point Set Upsampling", CVPR 2019, with the sizes of its code. A level
-has features f of the points p of its cloud. Each point becomes `step` copies, told apart by a code::
+has features f of the points p of its cloud. Each point becomes two copies, distinguished by a code of one number::
 
     q = p + MLP([f, code])                                  128, 128, 64 and 3 channels wide
 
 The first level's features are the backbone's. A later level brings the cloud into the unit sphere, extracts features
-with layers of its own, the backbone's again, and adds 0.2 times those that the level before had nearby, weighed by how
-near they are in space and among the features: its skip connections between levels.
+with layers of its own, the backbone's again, and adds 0.2 times those that the level before had nearby, weighed by
+distance in space and among the features: its skip connections between levels.
 
-How large it is: PU-GCN (Qian et al., CVPR 2021) publishes 76.2 K weights. That is its own writing of 3PU, which makes
-all four copies in one level, told apart by a 2 × 2 grid: 76,155 weights, `step: 4`. A level of 3PU itself, doubling,
-has a code of one number and 76,027; there are two of them for a rate of 4.
+Number of weights: PU-GCN (Qian et al., CVPR 2021) publishes 76.2 K, of its own implementation of 3PU, which makes all
+four copies in one level, distinguished by a 2 × 2 grid. A level of 3PU itself, doubling, has 76,027; there are two of
+them for a rate of 4.
 
 3PU cuts clouds of more than 312 points into patches between the levels. Here a level sees the whole cloud, which at the
 second level of a patch of 256 points has 512.
 """
 
 import math
-from typing import Annotated, Literal
+from collections import OrderedDict
+from typing import Annotated
 
 import torch
 from jaxtyping import Float, Int
@@ -29,16 +30,15 @@ from torch.nn import functional as F
 from pcsr import Trait, Upsampler, UserError, Widths
 from pcsr.geometry.neighbours import knn
 from pcsr.tensors import Dense, Features, Points
-from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
-from pcsr_plugins.encoders.linear import Linear
-from pcsr_plugins.layers.grid import EXTENT, grid
+from pcsr_plugins.layers.dense_edge_conv import DenseEdgeConvStack
+from pcsr_plugins.layers.grid import EXTENT
 from pcsr_plugins.layers.options import Channels, NeighbourCount
 
 Rows = Float[Tensor, "b q c"]
 
 
 class Progressive(Upsampler):
-    """As many levels as lead to the rate in steps of `step`."""
+    """As many levels, each of which doubles, as lead to the rate."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
@@ -46,7 +46,6 @@ class Progressive(Upsampler):
         self,
         widths: Widths,
         *,
-        step: Literal[2, 4] = 2,
         encoded: Channels = 24,
         growth: Channels = 12,
         neighbours: NeighbourCount = 16,
@@ -54,11 +53,11 @@ class Progressive(Upsampler):
         share: Annotated[float, Field(ge=0, le=1e6)] = 0.2,
     ) -> None:
         super().__init__()
-        levels = round(math.log(widths.rate, step)) if widths.rate > 1 else 0
-        if step**levels != widths.rate or not levels:
+        levels = round(math.log2(widths.rate)) if widths.rate > 1 else 0
+        if 2**levels != widths.rate or not levels:
             raise UserError(
-                f"upsampler 'progressive' goes up in steps of {step} and never meets the rate {widths.rate}: "
-                f"choose a power of {step}, or another model.upsampler.step"
+                f"upsampler 'progressive' goes up in steps of 2 and never meets the rate {widths.rate}: "
+                f"choose a power of 2"
             )
         self.rate = widths.rate
         self.nearby = nearby
@@ -66,7 +65,7 @@ class Progressive(Upsampler):
         extractors = [Extractor(encoded, growth, neighbours) for _ in range(levels - 1)]
         known = [widths.refined] + [extractor.channels for extractor in extractors]
         self.extractors = nn.ModuleList(extractors)
-        self.expansions = nn.ModuleList(Expansion(channels, step) for channels in known)
+        self.expansions = nn.ModuleList(Expansion(channels) for channels in known)
         # Another backbone may give another number of channels than the levels' own layers.
         wide = known[-1]
         self.fit = nn.Identity() if widths.refined == wide else nn.Linear(widths.refined, wide)
@@ -97,8 +96,8 @@ class Extractor(nn.Module):
 
     def __init__(self, encoded: int, growth: int, neighbours: int) -> None:
         super().__init__()
-        self.encoder = Linear(Widths(), channels=encoded)
-        self.backbone = DenseEdgeConvs(Widths(visual=encoded), growth=growth, between=2 * growth, neighbours=neighbours)
+        self.encoder = nn.Sequential(OrderedDict(layer=nn.Linear(3, encoded)))  # weights are named as those of `linear`
+        self.backbone = DenseEdgeConvStack(encoded, 4, 3, growth, 2 * growth, neighbours)
         self.channels = self.backbone.channels
 
     def forward(self, points: Points) -> Features:
@@ -108,13 +107,13 @@ class Extractor(nn.Module):
 
 
 class Expansion(nn.Module):
-    """Each point's copies, one after the other, each moved by what its features and its code say."""
+    """Each point's copies, one after the other, each displaced by an MLP on its features and its code."""
 
     code: Tensor
 
-    def __init__(self, channels: int, step: Literal[2, 4]) -> None:
+    def __init__(self, channels: int) -> None:
         super().__init__()
-        code = grid(4) if step == 4 else torch.tensor([[-EXTENT], [EXTENT]])
+        code = torch.tensor([[-EXTENT], [EXTENT]])
         self.register_buffer("code", code, persistent=False)
         self.enter = nn.Linear(channels + code.shape[1], 128)
         self.mlp = nn.Sequential(
@@ -122,12 +121,12 @@ class Expansion(nn.Module):
         )
 
     def forward(self, points: Points, features: Features) -> Float[Tensor, "b copies 3"]:
-        """(b n 3) to (b step·n 3)."""
+        """(b n 3) to (b 2·n 3)."""
         # The first layer is linear in features and code: the features go through it once, not once for each copy.
         channels = features.shape[-1]
         of_features, of_code = self.enter.weight[:, :channels], self.enter.weight[:, channels:]
         point = F.linear(features, of_features, self.enter.bias).unsqueeze(2)
-        moves = self.mlp(point + F.linear(self.code.to(features.dtype), of_code))  # (b n step 3)
+        moves = self.mlp(point + F.linear(self.code.to(features.dtype), of_code))  # (b n 2 3)
         dense: Tensor = (points.unsqueeze(2) + moves).flatten(1, 2)
         return dense
 
@@ -141,7 +140,7 @@ def unit_sphere(cloud: Points) -> tuple[Points, Float[Tensor, "b 1 3"], Float[Te
 
 
 def nearby_mean(cloud: Points, fresh: Features, before: Float[Tensor, "b q 3"], known: Rows, k: int) -> Features:
-    """What the level before knew near each point: the mean of its k nearest points' features.
+    """Features of the level before, interpolated at each point: a weighted mean of its k nearest points.
 
     The weights are exp(−2d²/h) for the distance d in space and again for that among the features, h being the mean over
     the cloud of the least d². They take no part in the gradient.
@@ -153,18 +152,18 @@ def nearby_mean(cloud: Points, fresh: Features, before: Float[Tensor, "b q 3"], 
         known: (b q c), their features.
         k: how many of them each point looks at; all, where there are fewer.
     """
-    near = knn(cloud.detach(), before.detach(), min(k, before.shape[1]))
+    index = knn(cloud.detach(), before.detach(), min(k, before.shape[1]))
     with torch.no_grad():
-        weights = _closeness(cloud, before, near) * _closeness(fresh, known, near)
+        weights = _closeness(cloud, before, index) * _closeness(fresh, known, index)
         weights = weights / (weights + 1e-5).sum(-1, keepdim=True)
     mean = torch.zeros_like(fresh)
-    for weight, index in zip(weights.unbind(-1), near.unbind(-1), strict=True):  # (b n k c) is never made
-        mean = mean + weight.unsqueeze(-1) * _take(known, index)
+    for weight, one in zip(weights.unbind(-1), index.unbind(-1), strict=True):  # (b n k c) is never made
+        mean = mean + weight.unsqueeze(-1) * _take(known, one)
     return mean
 
 
-def _closeness(query: Features, points: Rows, near: Int[Tensor, "b n k"]) -> Float[Tensor, "b n k"]:
-    square = torch.stack([(query - _take(points, j)).square().sum(-1) for j in near.unbind(-1)], dim=-1)
+def _closeness(query: Features, points: Rows, index: Int[Tensor, "b n k"]) -> Float[Tensor, "b n k"]:
+    square = torch.stack([(query - _take(points, j)).square().sum(-1) for j in index.unbind(-1)], dim=-1)
     h = square.amin(-1, keepdim=True).mean(1, keepdim=True).clamp_min(1e-12)
     return torch.exp(-2 * square / h)
 

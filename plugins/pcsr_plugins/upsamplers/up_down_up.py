@@ -1,11 +1,11 @@
-"""PU-GAN's up-down-up expansion: go up, look what was lost on the way back down, and go up with that again.
+"""PU-GAN's up-down-up expansion: expand, reduce, and expand the difference again.
 
 Li et al., "PU-GAN: a Point Cloud Upsampling Adversarial Network", ICCV 2019, Sec. 3.2, Fig. 3::
 
     L  = ReLU(W·F)             the backbone's features, narrower
     H₀ = up₀(L)                r times as many
     H  = H₀ + up₁(down(H₀) − L)
-    Q  = MLP(H)                coordinates themselves, not a way from the input point
+    Q  = MLP(H)                coordinates themselves, not an offset from the input point
 
 As in the original's code it makes more points than wanted, 6n for a rate of 4; the network keeps the farthest 4n.
 """
@@ -57,7 +57,7 @@ class UpDownUp(Upsampler):
 
 
 class Up(nn.Module):
-    """Each point's copies in a row, told apart by a place in the grid; then self-attention and two layers."""
+    """Each point's copies in a row, distinguished by a grid point; then self-attention and two layers."""
 
     grid: Tensor
 
@@ -72,8 +72,8 @@ class Up(nn.Module):
     def forward(self, low: Features) -> Float[Tensor, "b rn c"]:
         """(b n c) to (b copies·n c)."""
         copies = low.unsqueeze(2).expand(-1, -1, len(self.grid), -1)
-        places = self.grid.to(low.dtype).expand(*low.shape[:2], -1, -1)
-        high: Tensor = self.mlp(self.attention(torch.cat([copies, places], dim=-1).flatten(1, 2)))
+        codes = self.grid.to(low.dtype).expand(*low.shape[:2], -1, -1)
+        high: Tensor = self.mlp(self.attention(torch.cat([copies, codes], dim=-1).flatten(1, 2)))
         return high
 
 

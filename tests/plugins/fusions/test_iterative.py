@@ -8,7 +8,7 @@ from torch.nn import functional as F
 from pcsr import TouchBatch
 from pcsr.geometry.ordering import hilbert_order
 from pcsr_plugins.fusions.iterative import Iterative
-from pcsr_plugins.fusions.pairing import pair
+from pcsr_plugins.layers.hilbert_pairing import pair
 from tests.plugins.compare import check_single_precision, close, like
 from tests.plugins.small_touches import WIDTHS, touched
 

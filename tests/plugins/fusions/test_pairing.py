@@ -3,7 +3,7 @@
 import torch
 
 from pcsr.geometry.ordering import hilbert_order
-from pcsr_plugins.fusions.pairing import pair
+from pcsr_plugins.layers.hilbert_pairing import pair
 from tests.plugins.small_touches import touched
 
 

@@ -24,7 +24,7 @@ def test_around_is_what_it_is_angle_by_angle(n, neighbours, spokes, flat):
     around = frames.around(spokes)
     assert around.shape == (2, n, min(spokes, neighbours, n - 1))
     for columns, ways, normal in zip(
-        *(each.flatten(0, 1) for each in (around, frames.ways, frames.normal)), strict=True
+        *(each.flatten(0, 1) for each in (around, frames.offsets, frames.normal)), strict=True
     ):
         assert columns.tolist() == slow_around(ways, normal, spokes)
 
@@ -35,13 +35,13 @@ def test_each_way_is_the_nearest_within_its_angle_or_nobody_is(seed, neighbours,
     frames = LocalFrames.of(curved(seed, 40), neighbours)
     around = frames.around(spokes)
     spokes = around.shape[2]
-    height = (frames.ways * frames.normal.unsqueeze(2)).sum(-1)
-    flat = frames.ways - height.unsqueeze(-1) * frames.normal.unsqueeze(2)
+    height = (frames.offsets * frames.normal.unsqueeze(2)).sum(-1)
+    flat = frames.offsets - height.unsqueeze(-1) * frames.normal.unsqueeze(2)
     x = F.normalize(flat[:, :, 0], dim=-1)
     y = torch.linalg.cross(frames.normal, x)
     angle = torch.atan2((flat * y.unsqueeze(2)).sum(-1), (flat * x.unsqueeze(2)).sum(-1)).rad2deg()
-    cost = frames.ways.norm(dim=-1) + 2 * height.abs()
-    empty = torch.zeros(frames.near.shape[:2], dtype=torch.int64)
+    cost = frames.offsets.norm(dim=-1) + 2 * height.abs()
+    empty = torch.zeros(frames.index.shape[:2], dtype=torch.int64)
     for spoke, columns in enumerate(around.unbind(-1)):
         off = ((angle - 360 * spoke / spokes + 180) % 360 - 180).abs()
         within = off <= 180 / spokes
@@ -93,7 +93,7 @@ def test_a_way_leads_across_a_gap_where_all_of_the_nearest_lie_on_this_side(seed
     points = flat[~hole] @ rotation(seed, torch.float64)
     before = (flat[~hole] - torch.tensor([-1.05, 0, 0])).norm(dim=1).argmin()
     frames = LocalFrames.of(points[None], 16)
-    side = flat[~hole][frames.near[0, before], 0]
+    side = flat[~hole][frames.index[0, before], 0]
     assert (side[:8] < 0).all(), "the eight nearest do not lead across"
     assert (side[frames.around(8)[0, before]] > 0).any()
     dense = EdgeOffsets(Widths(refined=5)).double()(
@@ -110,5 +110,5 @@ def test_what_is_high_above_the_plane_is_not_around_where_another_is_at_that_ang
     above = middle + torch.tensor([0.7 * step, 0, 0.5 * step])
     points = torch.cat([sheet, above[None, None]], 1)
     frames = LocalFrames.of(points, 24)
-    assert frames.near[0, 24, 0] == 49, "it is the nearest of all"
-    assert 49 not in frames.near[0, 24, frames.around(8)[0, 24]]
+    assert frames.index[0, 24, 0] == 49, "it is the nearest of all"
+    assert 49 not in frames.index[0, 24, frames.around(8)[0, 24]]

@@ -5,7 +5,8 @@ import torch
 from torch.nn import functional as F
 
 from pcsr import UserError
-from pcsr_plugins.layers.local_frames import LEAST, SCALARS, LocalFrames, plane
+from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames, plane
+from pcsr_plugins.layers.spacing import LEAST
 from tests.plugins.slow_frames import curved, slow_edge, slow_frame
 
 

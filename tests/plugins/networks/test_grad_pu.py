@@ -9,11 +9,11 @@ from safetensors.torch import load_file
 from torch import nn
 
 from pcsr import UserError
+from pcsr.clouds.convert import convert
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr_plugins.foreign.grad_pu import convert
 from pcsr_plugins.objectives.grad_pu import GradPU as Objective
 from tests.plugins.compare import close
 from tests.plugins.published import grad_pu, lively, small_grad_pu

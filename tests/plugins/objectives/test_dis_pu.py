@@ -10,8 +10,8 @@ from pcsr.network.network import Network
 from pcsr_plugins.backbones.dense_edge_conv import DenseEdgeConvs
 from pcsr_plugins.encoders.linear import Linear
 from pcsr_plugins.fusions.none import NoFusion
+from pcsr_plugins.layers.point_losses import hinge_repulsion
 from pcsr_plugins.objectives.dis_pu import DisPU as Objective
-from pcsr_plugins.objectives.terms import hinge_repulsion
 from pcsr_plugins.upsamplers.shuffle import Shuffle
 from tests.plugins.published import dis_pu
 

@@ -8,8 +8,8 @@ from torch.nn import functional as F
 
 from pcsr.geometry.farthest import farthest_points
 from pcsr.metrics.chamfer import chamfer
+from pcsr_plugins.layers.point_losses import hinge_repulsion, matched_distance
 from pcsr_plugins.objectives.pu_gan import SHARES, Discriminator, PuGan, uniformity
-from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance
 from tests.plugins.published import awake
 
 

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from pcsr.metrics.chamfer import chamfer
+from pcsr_plugins.layers.point_losses import matched_distance, repulsion
 from pcsr_plugins.objectives.pu_net import PUNetLoss
-from pcsr_plugins.objectives.terms import matched_distance, repulsion
 from tests.plugins.compare import close
 
 

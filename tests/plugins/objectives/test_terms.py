@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from pcsr import RunError, UserError
-from pcsr_plugins.objectives.terms import hinge_repulsion, matched_distance, repulsion
+from pcsr_plugins.layers.point_losses import hinge_repulsion, matched_distance, repulsion
 
 
 def cloud(seed: int, *shape: int) -> torch.Tensor:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr_plugins.shapes.blobs import FAMILIES, Blobs
-from pcsr_plugins.shapes.bodies import animals, figures, fruit, growths, rings, vessels
-from pcsr_plugins.shapes.bodies.fields import ellipsoid
-from pcsr_plugins.shapes.bodies.isosurface import REACH
-from pcsr_plugins.shapes.surfaces import FLATTEST, GRID
+from pcsr_plugins.shapes.blobs import FAMILIES, Blobs, animals, figures, fruit, growths, rings, vessels
+from pcsr_plugins.shapes.blobs.isosurface import REACH
+from pcsr_plugins.shapes.blobs.sdf import ellipsoid
+from pcsr_plugins.shapes.shared.surfaces import FLATTEST, GRID
 
 FINGERPRINTS = Path(__file__).with_name("blobs.json")
 """Numbers of the first body of each family. `python test_blobs.py` rewrites them."""

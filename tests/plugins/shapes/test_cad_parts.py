@@ -9,8 +9,8 @@ from manifold3d import Manifold
 
 from pcsr import UserError
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.shapes.families.catalogue import FAMILIES
-from pcsr_plugins.shapes.surfaces import FLATTEST, GRID
+from pcsr_plugins.shapes.cad_parts.catalogue import FAMILIES
+from pcsr_plugins.shapes.shared.surfaces import FLATTEST, GRID
 
 FINGERPRINTS = Path(__file__).with_name("fingerprints.json")
 """Numbers of the first part of each family. `python test_cad_parts.py` rewrites them."""

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr_plugins.shapes.families.draw import CELLS, SPLITS, Draw
+from pcsr_plugins.shapes.shared.draw import CELLS, SPLITS, Draw
 
 seeds = st.integers(0, 2**64 - 1)
 

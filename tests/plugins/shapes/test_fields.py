@@ -4,12 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from pcsr_plugins.shapes.bodies import fields
-from pcsr_plugins.shapes.families.draw import Draw
+from pcsr_plugins.shapes.blobs import sdf
+from pcsr_plugins.shapes.shared.draw import Draw
 
 PLACES = np.random.default_rng(0).uniform(-60, 60, (400, 3))
-SPHERE = fields.ellipsoid((5, 0, 0), (20, 20, 20))
-LIMB = fields.limb([(-30, 0, 0), (10, 0, 0)], [12, 6])
+SPHERE = sdf.ellipsoid((5, 0, 0), (20, 20, 20))
+LIMB = sdf.limb([(-30, 0, 0), (10, 0, 0)], [12, 6])
 
 points = st.tuples(*3 * [st.floats(-40, 40)])
 
@@ -25,7 +25,7 @@ def test_an_ellipsoid_is_zero_on_its_surface_and_rises_outwards_by_one_mm_a_mm(r
     on = way / np.linalg.norm(way, axis=1, keepdims=True) * radii
     normal = on / np.square(radii)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    field = fields.ellipsoid((0, 0, 0), radii)
+    field = sdf.ellipsoid((0, 0, 0), radii)
     np.testing.assert_allclose(field(on), 0, atol=1e-9)
     np.testing.assert_allclose(field(on + 1e-5 * normal), 1e-5, rtol=1e-3)
     np.testing.assert_allclose(field(on - 1e-5 * normal), -1e-5, rtol=1e-3)
@@ -42,7 +42,7 @@ def test_a_straight_limb_is_a_tapered_capsule():
 def test_a_bent_limb_follows_its_curve(shift, radius):
     through = np.array([(-40, 0, 0), (0, 0, 0), (40, 0, 0)]) + 0.4 * np.array(shift)
     curve = CubicSpline(np.arange(3), through, bc_type="natural")(np.linspace(0, 2, 4001))
-    field = fields.limb([tuple(p) for p in through], 3 * [radius])
+    field = sdf.limb([tuple(p) for p in through], 3 * [radius])
     near = curve[::40] + np.random.default_rng(0).normal(size=(101, 3)) * radius
     naive = np.linalg.norm(near[:, None] - curve, axis=2).min(axis=1) - radius
     # Where a curve turns sharply its straight pieces cut the bend a little.
@@ -51,7 +51,7 @@ def test_a_bent_limb_follows_its_curve(shift, radius):
 
 def test_pieces_do_not_show_on_a_bent_limb():
     """Beside the curve the field is smooth: no jump between neighbours, where the nearest piece changes."""
-    field = fields.limb([(-40, 0, 0), (0, 20, 0), (40, 0, 0)], [6, 9, 5])
+    field = sdf.limb([(-40, 0, 0), (0, 20, 0), (40, 0, 0)], [6, 9, 5])
     curve = CubicSpline(np.arange(3), [(-40, 0, 0), (0, 20, 0), (40, 0, 0)], bc_type="natural")
     along = field(curve(np.linspace(0.1, 1.9, 5000)) + np.array([0, 0, 8]))
     assert np.abs(np.diff(along)).max() < 0.01
@@ -59,20 +59,20 @@ def test_pieces_do_not_show_on_a_bent_limb():
 
 def test_a_closed_limb_around_a_circle_is_a_ring():
     turns = np.radians(np.arange(0, 360, 30))
-    limb = fields.limb([(30 * np.cos(t), 30 * np.sin(t), 0) for t in turns], 12 * [5], closed=True)
+    limb = sdf.limb([(30 * np.cos(t), 30 * np.sin(t), 0) for t in turns], 12 * [5], closed=True)
     near = PLACES[np.abs(np.hypot(PLACES[:, 0], PLACES[:, 1]) - 30) < 8]
-    np.testing.assert_allclose(limb(near), fields.ring((0, 0, 0), 30, 5)(near), atol=0.05)
+    np.testing.assert_allclose(limb(near), sdf.ring((0, 0, 0), 30, 5)(near), atol=0.05)
 
 
 def test_a_ring_around_another_axis_and_place():
-    field = fields.ring((1, 2, 3), 20, 4, normal=(2, 0, 0))
+    field = sdf.ring((1, 2, 3), 20, 4, normal=(2, 0, 0))
     on = np.array([(1, 22, 3), (1, 2, 23), (5, 22, 3), (1, 26, 3)], float)
     np.testing.assert_allclose(field(on), [-4, -4, 0, 0], atol=1e-9)
 
 
 @given(st.floats(1, 20))
 def test_joining_adds_only_where_both_are_near(width):
-    joined, least = fields.joined(width, SPHERE, LIMB)(PLACES), np.minimum(SPHERE(PLACES), LIMB(PLACES))
+    joined, least = sdf.joined(width, SPHERE, LIMB)(PLACES), np.minimum(SPHERE(PLACES), LIMB(PLACES))
     apart = np.abs(SPHERE(PLACES) - LIMB(PLACES)) >= width
     np.testing.assert_allclose(joined[apart], least[apart], atol=1e-9)
     assert (joined[~apart] < least[~apart]).all()
@@ -80,22 +80,22 @@ def test_joining_adds_only_where_both_are_near(width):
 
 
 def test_joining_one_body_is_that_body():
-    np.testing.assert_array_equal(fields.joined(5, SPHERE)(PLACES), SPHERE(PLACES))
+    np.testing.assert_array_equal(sdf.joined(5, SPHERE)(PLACES), SPHERE(PLACES))
 
 
 @given(st.floats(0.1, 5))
 def test_dents_and_cuts_take_away_only(width):
     body, dent = SPHERE(PLACES), LIMB(PLACES)
-    assert (fields.dented(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, -dent) - 1e-9).all()
-    assert (fields.common(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, dent) - 1e-9).all()
-    assert (fields.common(width, SPHERE, LIMB)(PLACES) <= np.maximum(body, dent) + width / 4 + 1e-9).all()
+    assert (sdf.dented(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, -dent) - 1e-9).all()
+    assert (sdf.common(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, dent) - 1e-9).all()
+    assert (sdf.common(width, SPHERE, LIMB)(PLACES) <= np.maximum(body, dent) + width / 4 + 1e-9).all()
 
 
 def test_planes_and_shrinking():
-    np.testing.assert_allclose(fields.above(3)(PLACES), 3 - PLACES[:, 2])
-    np.testing.assert_allclose(fields.below(3)(PLACES), PLACES[:, 2] - 3)
-    smaller = fields.ellipsoid((5, 0, 0), (18, 18, 18))
-    np.testing.assert_allclose(fields.shrunk(SPHERE, 2)(PLACES), smaller(PLACES), atol=1e-9)
+    np.testing.assert_allclose(sdf.above(3)(PLACES), 3 - PLACES[:, 2])
+    np.testing.assert_allclose(sdf.below(3)(PLACES), PLACES[:, 2] - 3)
+    smaller = sdf.ellipsoid((5, 0, 0), (18, 18, 18))
+    np.testing.assert_allclose(sdf.shrunk(SPHERE, 2)(PLACES), smaller(PLACES), atol=1e-9)
 
 
 def test_a_body_is_moved_turned_twisted_and_bent_where_its_places_go():
@@ -103,18 +103,18 @@ def test_a_body_is_moved_turned_twisted_and_bent_where_its_places_go():
         return field(np.array([place], float))[0]
 
     value = at(LIMB, (12, 4, 7))
-    assert at(fields.moved(LIMB, (1, -2, 3)), (13, 2, 10)) == pytest.approx(value)
-    assert at(fields.turned(LIMB, 90), (-4, 12, 7)) == pytest.approx(value)
-    assert at(fields.turned(LIMB, 90, axis=0), (12, -7, 4)) == pytest.approx(value)
-    assert at(fields.turned(LIMB, 90, axis=1), (7, 4, -12)) == pytest.approx(value)
-    assert at(fields.twisted(LIMB, 90 / 7), (-4, 12, 7)) == pytest.approx(value)
-    assert at(fields.bent(LIMB, 5, 6), (12, 4, 7 + 5 * 4)) == pytest.approx(value)
-    assert at(fields.bent(LIMB, 5, 6, along=1, towards=0), (12 + 5 * 16 / 36, 4, 7)) == pytest.approx(value)
+    assert at(sdf.moved(LIMB, (1, -2, 3)), (13, 2, 10)) == pytest.approx(value)
+    assert at(sdf.turned(LIMB, 90), (-4, 12, 7)) == pytest.approx(value)
+    assert at(sdf.turned(LIMB, 90, axis=0), (12, -7, 4)) == pytest.approx(value)
+    assert at(sdf.turned(LIMB, 90, axis=1), (7, 4, -12)) == pytest.approx(value)
+    assert at(sdf.twisted(LIMB, 90 / 7), (-4, 12, 7)) == pytest.approx(value)
+    assert at(sdf.bent(LIMB, 5, 6), (12, 4, 7 + 5 * 4)) == pytest.approx(value)
+    assert at(sdf.bent(LIMB, 5, 6, along=1, towards=0), (12 + 5 * 16 / 36, 4, 7)) == pytest.approx(value)
 
 
 def test_lobes_are_as_many_and_as_high_as_asked_and_fade_at_the_axis():
     turns = np.radians(np.arange(360))
-    field = fields.lobed(fields.ellipsoid((0, 0, 0), (30, 30, 30)), 5, 2, 0.01)
+    field = sdf.lobed(sdf.ellipsoid((0, 0, 0), (30, 30, 30)), 5, 2, 0.01)
     around = field(np.stack([30 * np.cos(turns), 30 * np.sin(turns), 0 * turns], axis=1))
     assert np.abs(np.fft.rfft(around)).argmax() == 5
     assert (around.min(), around.max()) == pytest.approx((-2, 2), abs=1e-3)
@@ -123,17 +123,15 @@ def test_lobes_are_as_many_and_as_high_as_asked_and_fade_at_the_axis():
 
 @given(st.integers(0, 2**32), st.floats(0.1, 2), st.integers(1, 3))
 def test_ripples_are_about_as_high_as_asked(seed, height, octaves):
-    change = fields.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    change = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
     assert 0.6 * height < np.std(change) < 1.6 * height
-    again = fields.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    again = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
     np.testing.assert_array_equal(change, again)
-    other = fields.rippled(SPHERE, Draw("test", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    other = sdf.rippled(SPHERE, Draw("test", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
     assert not np.allclose(change, other)
 
 
 @pytest.mark.parametrize("chosen", [slice(0, 1), slice(10, 200), slice(0, 0)])
 def test_a_value_does_not_hang_on_its_neighbours(chosen):
-    field = fields.rippled(
-        fields.joined(5, LIMB, fields.limb(PLACES[:4].tolist(), [5, 6, 7, 8])), Draw("train", 0), 1, 9
-    )
+    field = sdf.rippled(sdf.joined(5, LIMB, sdf.limb(PLACES[:4].tolist(), [5, 6, 7, 8])), Draw("train", 0), 1, 9)
     np.testing.assert_allclose(field(PLACES[chosen]), field(PLACES)[chosen], atol=1e-9)

@@ -4,9 +4,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr_plugins.shapes.bodies import isosurface
-from pcsr_plugins.shapes.bodies.fields import dented, ellipsoid, joined, limb, ring
-from pcsr_plugins.shapes.bodies.isosurface import SHEETS, TRIANGLES, solid_of, surface_net
+from pcsr_plugins.shapes.blobs import isosurface
+from pcsr_plugins.shapes.blobs.isosurface import SHEETS, TRIANGLES, solid_of, surface_net
+from pcsr_plugins.shapes.blobs.sdf import dented, ellipsoid, joined, limb, ring
 
 
 def mesh_of(field):

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from manifold3d import CrossSection
 
-from pcsr_plugins.shapes.families import solids
-from pcsr_plugins.shapes.families.solids import (
+from pcsr_plugins.shapes.cad_parts import solids
+from pcsr_plugins.shapes.cad_parts.solids import (
     along_x,
     along_y,
     arc,

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from pcsr import UserError
-from pcsr_plugins.shapes.soundness import check_mesh
+from pcsr_plugins.shapes.shared.soundness import check_mesh
 
 
 def mesh(vertices, faces):

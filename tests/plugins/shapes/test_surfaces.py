@@ -3,7 +3,7 @@ import pytest
 import trimesh
 from manifold3d import Manifold
 
-from pcsr_plugins.shapes.surfaces import is_sound, surface_of, without_folds
+from pcsr_plugins.shapes.shared.surfaces import is_sound, surface_of, without_folds
 
 
 def test_what_is_flat_open_or_in_two_is_not_sound():

@@ -5,7 +5,7 @@ import trimesh
 
 from pcsr import UserError
 from pcsr_plugins.shapes.meshes import Meshes
-from pcsr_plugins.shapes.table import Row, read_table
+from pcsr_plugins.shapes.meshes.table import Row, read_table
 
 
 @pytest.fixture

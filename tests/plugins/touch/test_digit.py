@@ -9,9 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
 from pcsr.recipe.schema import options_model
+from pcsr_plugins.shapes.blobs.figures import hand
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import hand, sensors
+from pcsr_plugins.touch import sensors
 from pcsr_plugins.touch.digit import Digit
+from tests.plugins.touch.plain_options import digit
 from tests.plugins.touch.touching import SHAPES, in_sensor, touch
 
 
@@ -176,19 +178,20 @@ def test_no_touches_is_none():
 @pytest.mark.parametrize(
     "wrong",
     [
-        '{"width": 0}',
+        '{"sensor": {"width": 0}}',
         '{"press": [0, 1]}',
-        '{"dome": [50]}',
+        '{"sensor": {"dome": [50]}}',
         '{"tilt": -1}',
         '{"sensor": "digt"}',
-        '{"fov": 180}',
-        '{"dome": "round"}',
+        '{"sensor": {"fov": 180}}',
+        '{"sensor": {"dome": "round"}}',
+        '{"noise": {"blur": -1}}',
+        '{"policy": {"tries": 0}}',
     ],
 )
 def test_a_recipe_gives_the_options_and_is_told_of_impossible_ones(wrong):
     model = options_model(Digit)
-    given = model.model_validate_json('{"object_size": 320, "press": [1, 2], "dome": [50, 23]}')
-    sensor = Digit(**given.model_dump())
+    sensor = digit(object_size=320, press=[1, 2], sensor={"dome": [50, 23]})
     assert (sensor.object_size, sensor.hand.press, sensor.hand.tilt) == (320.0, (1.0, 2.0), 5.0)
     with pytest.raises(ValueError, match=wrong.split('"')[1]):
         model.model_validate_json(wrong)
@@ -235,20 +238,20 @@ def test_every_sensor_without_noise_feels_the_mesh_itself(name, shape):
 
 
 def test_a_figure_of_ones_own_is_said_in_the_sensors_name():
-    changed = touch(SHAPES["box"], width=20.0, pixels=200)[0]
+    changed = touch(SHAPES["box"], sensor={"width": 20.0, "pixels": 200})[0]
     assert changed.sensor == "digit (changed)"
     assert np.abs(in_sensor(changed)[:, 0]).max() > 8
 
 
 def test_an_area_does_not_depend_on_the_pixels_but_a_count_does():
-    coarse = {"pixels": 40, "tilt": 0.0}
+    coarse = {"sensor": {"pixels": 40}, "tilt": 0.0}
     with pytest.raises(UserError, match="lower at_least or"):
         touch(SHAPES["sphere"], **coarse)
     plain = touch(SHAPES["sphere"], at_least_area=17.5, tilt=0.0)[0]
     few = touch(SHAPES["sphere"], at_least_area=17.5, **coarse)[0]
     assert few.contact_area == pytest.approx(plain.contact_area, rel=0.03)
     with pytest.raises(UserError, match=r"less contact than 190 mm².*lower at_least_area"):
-        touch(SHAPES["sphere"], at_least_area=190.0, tries=10)
+        touch(SHAPES["sphere"], at_least_area=190.0, policy={"tries": 10})
 
 
 def test_a_surface_that_nothing_can_reach_is_refused_with_the_reasons():
@@ -261,7 +264,9 @@ def test_a_surface_that_nothing_can_reach_is_refused_with_the_reasons():
             bars.append(trimesh.creation.box(bar, trimesh.transformations.translation_matrix(at)))
     cage = trimesh.util.concatenate([ball, *bars])
     reasons = r"\d+ behind other parts of the object, \d+ without room .*, \d+ with less contact than 30 mm²"
-    with pytest.raises(UserError, match=rf"part-3: .* 0 of 1 touches, then none of 100 places would do \({reasons}\)"):
+    with pytest.raises(
+        UserError, match=rf"part-3: .* 0 of 1 touches, then none of 100 candidates would do \({reasons}\)"
+    ):
         touch(cage, at_least_area=30.0)
     assert touch(ball, at_least_area=30.0)
 

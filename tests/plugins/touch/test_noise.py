@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr_plugins.touch.noise import Noise, blurred, smooth_field
+from pcsr_plugins.touch.digit.noise import Noise, blurred, smooth_field
 
 PITCH = 0.2
 SHAPE = (50, 60)
@@ -18,7 +18,7 @@ def disc(radius=20.0):
 
 def measure(seed=0, heights=CURVED, contact=None, **terms):
     mask = disc() if contact is None else contact
-    return Noise(**terms).heights(heights, mask, PITCH, np.random.default_rng(seed))
+    return Noise(**{"depth_noise": 0.0, **terms}).heights(heights, mask, PITCH, np.random.default_rng(seed))
 
 
 def test_no_noise_is_no_change():
@@ -104,8 +104,12 @@ def test_a_drift_field_has_deviation_one_and_its_correlation_length(length):
 
 
 def test_the_drift_does_not_depend_on_the_pixels():
-    coarse = Noise(drift=1.0).heights(np.zeros((9, 9)), np.ones((9, 9), bool), 0.6, np.random.default_rng(1))
-    fine = Noise(drift=1.0).heights(np.zeros((27, 27)), np.ones((27, 27), bool), 0.2, np.random.default_rng(1))
+    coarse = Noise(drift=1.0, depth_noise=0.0).heights(
+        np.zeros((9, 9)), np.ones((9, 9), bool), 0.6, np.random.default_rng(1)
+    )
+    fine = Noise(drift=1.0, depth_noise=0.0).heights(
+        np.zeros((27, 27)), np.ones((27, 27), bool), 0.2, np.random.default_rng(1)
+    )
     np.testing.assert_allclose(fine[1::3, 1::3], coarse, atol=1e-12)
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcsr_plugins.touch.policies import NEIGHBOURS, OPPOSING, farthest_first, opposing, order
+from pcsr_plugins.touch.digit.policies import NEIGHBOURS, OPPOSING, farthest_first, opposing, order
 
 NOTHING = np.zeros((0, 3))
 

@@ -5,9 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import sensors
-from pcsr_plugins.touch.places import Places
-from pcsr_plugins.touch.press import Finger
+from pcsr_plugins.touch.digit import sensors
+from pcsr_plugins.touch.digit.candidates import Candidates
+from pcsr_plugins.touch.digit.press import Finger
 
 SLAB = MeshRays(trimesh.creation.box((200, 200, 20)), None, "slab")
 TOP = np.array([3.0, -5.0, 10.0])
@@ -113,7 +113,7 @@ def test_what_parallel_rays_miss_is_not_pressed_deeper_than_the_press(monkeypatc
         return max(contact.seen[..., 2].max() for contact in seen)
 
     assert deepest() < 1.001
-    monkeypatch.setattr("pcsr_plugins.touch.press.CASTS", 1)
+    monkeypatch.setattr("pcsr_plugins.touch.digit.press.CASTS", 1)
     assert deepest() > 1.01, "without looking again it would be"
 
 
@@ -132,13 +132,13 @@ def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
     rejected = looked = 0
     for name in ("test/hook/0000", "test/bolt/0000"):
         rays = MeshRays(CadParts().item(name).mesh, 60.0, name)
-        (places,) = Places.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
+        (places,) = Candidates.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
         for sensor in (sensors.load("digit"), sensors.load("digit-tacto")):
             finger = Finger(sensor)
             at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]
             quick = [finger.press(*one) for one in at]
             with monkeypatch.context() as patch:
-                patch.setattr("pcsr_plugins.touch.promising.FACES", 0)
+                patch.setattr("pcsr_plugins.touch.digit.visible_pixels.FACES", 0)
                 slow = [finger.press(*one) for one in at]
             for a, b in zip(quick, slow, strict=True):
                 assert (a is None) == (b is None)

@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from pcsr.geometry.rays import MeshRays
-from pcsr_plugins.touch import sensors
-from pcsr_plugins.touch.press import Finger
-from pcsr_plugins.touch.promising import promising
+from pcsr_plugins.touch.digit import sensors
+from pcsr_plugins.touch.digit.press import Finger
+from pcsr_plugins.touch.digit.visible_pixels import promising
 
 SENSOR = sensors.load("digit", pixels=61)
 GEL = Finger(SENSOR).gel

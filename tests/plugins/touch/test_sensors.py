@@ -8,22 +8,21 @@ import pytest
 
 from pcsr import UserError
 from pcsr.recipe.schema import options_model
-from pcsr_plugins.touch import sensors
-from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit import Digit, sensors
 
 PRESETS = ["digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021"]
 
 
 def test_the_table_ships_with_the_package_and_a_recipe_offers_all_of_it():
-    text = resources.files("pcsr_plugins.touch").joinpath("sensors.toml").read_text(encoding="utf-8")
+    text = resources.files("pcsr_plugins.touch.digit").joinpath("sensors.toml").read_text(encoding="utf-8")
     assert list(tomllib.loads(text)) == sensors.names() == PRESETS
-    sensor = options_model(Digit).model_json_schema()["properties"]["sensor"]
-    assert sensor["enum"] == PRESETS
+    sensor = options_model(Digit).model_json_schema()["$defs"]["SensorOptions"]
+    assert sensor["anyOf"][0]["enum"] == PRESETS
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_figure_has_a_source_and_a_doubt_and_is_an_option(name):
-    options = options_model(Digit).model_fields
+    options = sensors.SensorOptions.model_fields
     for figure in sensors.figures(name):
         assert figure.source
         assert isinstance(figure.doubt, str)

@@ -157,7 +157,7 @@ def test_what_is_learned_moves_places_along_way_and_normal_and_the_points_not_at
     assert moved[:, :, 0].abs().max() == 0
     assert moved.norm(dim=-1).max() > 1e-3
     frames = LocalFrames.of(points, fan.neighbours)
-    j = frames.near.gather(2, frames.around(fan.spokes))  # (2 30 spokes)
+    j = frames.index.gather(2, frames.around(fan.spokes))  # (2 30 spokes)
     ends = torch.stack([normal[columns] for normal, columns in zip(frames.normal, j, strict=True)])
     share = FARTHEST * torch.arange(1, 1 + moved.shape[2] // j.shape[2], dtype=points.dtype).view(-1, 1, 1)
     share = share * j.shape[2] / (moved.shape[2] - 1)

@@ -20,7 +20,8 @@ from pcsr.recipe import load
 from pcsr_plugins.backbones.pu_transformer import PUTransformer
 from pcsr_plugins.encoders.mlp import Mlp
 from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.upsamplers.midpoint import Midpoint, evenly, interpolated, spacing
+from pcsr_plugins.layers.midpoints import evenly, interpolated
+from pcsr_plugins.upsamplers.midpoint import Midpoint, spacing
 from tests.plugins.compare import close
 
 RECIPE = Path(__file__).parents[3] / "recipes" / "tapsr-midpoint.yaml"
@@ -39,7 +40,7 @@ def test_untrained_it_is_the_interpolation_that_evaluation_sets_beside_it(rate):
     points, features = torch.randn(2, 40, 3), torch.randn(2, 40, 6)
     registry = load_plugins()
     (recipe,) = load(RECIPE, registry, [f"data.rate={rate}"])
-    beside = methods(recipe, build(recipe, registry))[1]
+    beside = methods(recipe, build(recipe, registry), registry)[1]
     assert beside.name == "midpoint"
     dense = Midpoint(Widths(refined=6)).eval()(points, features, rate)
     for ours, cloud in zip(dense, points, strict=True):

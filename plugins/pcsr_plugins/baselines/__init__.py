@@ -1,0 +1,1 @@
+"""Baselines: upsampling without learning."""

@@ -1,1 +1,0 @@
-"""Published weights of others, put into our parts."""

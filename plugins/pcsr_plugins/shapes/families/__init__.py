@@ -1,1 +1,0 @@
-"""Families of generated parts: one function each, grouped by how such parts are made."""

@@ -1,0 +1,1 @@
+"""What several sources of shapes share: random draws, splits, mesh checks, cleaning of surfaces."""
