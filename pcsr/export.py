@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pcsr import __version__
-from pcsr.contracts import Fusion
+from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.files import write_whole
@@ -142,7 +142,7 @@ class _Fixed(nn.Module):
         self.rate = recipe.network_rate
 
     def forward(self, points: Tensor, touches: Tensor | None = None) -> Tensor:
-        dense: Tensor = self.network(points, self.rate, touches)
+        dense: Tensor = self.network(points, self.rate, None if touches is None else TouchBatch.of(touches))
         return dense
 
 

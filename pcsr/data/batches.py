@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from pcsr.contracts import TouchBatch
 from pcsr.data.dataset import Split
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
@@ -38,10 +39,9 @@ class Batch:
     """Clouds in the network's frame: the sparse cloud fills the unit sphere, before augmentation."""
 
     points: Float[Tensor, "b n 3"]
-    touches: Float[Tensor, "b a m 3"]
-    mask: Bool[Tensor, "b a"]
-    """Which touches are there: all of them, if it isn't a patch."""
     truth: Float[Tensor, "b g 3"]
+    touches: TouchBatch
+    """All of them present, unless the rows are patches."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ class Batches:
         count = 0 if crop else count  # a touch may lie on the half that is gone
         share = [i for i in range(len(chosen)) if i * ranks // len(chosen) == rank]
         rows = [self._row(int(chosen[i]), count, crop, np.random.default_rng((self.seed, step, 2, i))) for i in share]
-        return Batch(*(torch.stack(tensors) for tensors in zip(*rows, strict=True)))
+        points, truth, touched, mask = (torch.stack(tensors) for tensors in zip(*rows, strict=True))
+        return Batch(points, truth, TouchBatch.of(touched, mask))
 
     def _redrawn(
         self, truth: Float[np.ndarray, "g 3"], count: int, rng: np.random.Generator
@@ -136,7 +137,7 @@ class Batches:
         if "jitter" in self.augment:
             noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
             points = points + torch.from_numpy(noise.astype(np.float32))
-        return points, felt, mask, truth
+        return points, truth, felt, mask
 
 
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:

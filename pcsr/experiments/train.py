@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import nn
 
-from pcsr.contracts import Objective
+from pcsr.contracts import Objective, TouchBatch
 from pcsr.data.batches import Batch, Batches
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
@@ -52,7 +52,10 @@ class Progress:
 
 
 class _Training(nn.Module):
-    """Network and objective behind one forward, which is what a data-parallel wrapper hooks into."""
+    """Network and objective behind one forward, which is what a data-parallel wrapper hooks into.
+
+    It takes tensors alone, since Lightning Fabric converts no other arguments to the precision of a run.
+    """
 
     def __init__(self, network: Network, objective: Objective) -> None:
         super().__init__()
@@ -62,8 +65,7 @@ class _Training(nn.Module):
     def forward(
         self, points: torch.Tensor, truth: torch.Tensor, touches: torch.Tensor, mask: torch.Tensor, rate: int
     ) -> Any:
-        felt = (touches, mask) if touches.shape[1] else (None, None)
-        return self.objective.losses(self.network, points, truth, rate, *felt)
+        return self.objective.losses(self.network, points, truth, rate, TouchBatch.of(touches, mask))
 
 
 def train(
@@ -192,8 +194,8 @@ def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: floa
     """One step of all processes together; the losses are those of the whole batch."""
     for group in optimizer.param_groups:
         group["lr"] = rate * group["lr_multiplier"]
-    clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.truth, batch.touches, batch.mask))
-    losses = model(*clouds, upsampling)
+    tensors = (batch.points, batch.truth, batch.touches.points, batch.touches.mask)
+    losses = model(*(fabric.to_device(tensor) for tensor in tensors), upsampling)
     optimizer.zero_grad()
     fabric.backward(sum(losses.values()))
     optimizer.step()

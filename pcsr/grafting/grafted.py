@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pcsr.contracts import Encoder, Fusion
+from pcsr.contracts import Encoder, Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.grafting.joint import Joint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.network.network import fuse
@@ -60,16 +60,16 @@ class Grafted(nn.Module):
                 )
             return self.network(*args, **kwargs)
         points = visual_points(self.joint, args, kwargs)
-        mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device) if mask is None else mask
         _check_touches(points, touches, mask)
+        batch = TouchBatch.of(touches, mask)
         exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
-        if touches.shape[1] == 0 or not (exporting or mask.any()):
+        if touches.shape[1] == 0 or not (exporting or batch.mask.any()):
             return self.network(*args, **kwargs)
         if not exporting:
-            _check_frame(points, touches, mask)
+            _check_frame(points, batch)
         if isinstance(self.network, Grafted):  # a second joint: both hear the same touches
-            kwargs |= {"touches": touches, "mask": mask}
-        return self._touched(points, touches, mask, args, kwargs)
+            kwargs |= {"touches": touches, "mask": batch.mask}
+        return self._fused(points, batch, args, kwargs)
 
     def tactile_parameters(self) -> Iterator[nn.Parameter]:
         """The parameters that the foreign network does not have: those of the fusion and the touch encoder."""
@@ -79,9 +79,7 @@ class Grafted(nn.Module):
         theirs = {id(parameter) for parameter in foreign.parameters()}
         return (parameter for parameter in self.parameters() if id(parameter) not in theirs)
 
-    def _touched(
-        self, points: Points, touches: Tensor, mask: Tensor, args: Sequence[Any], kwargs: Mapping[str, Any]
-    ) -> Any:
+    def _fused(self, points: Points, touches: TouchBatch, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         """Call the network with the hook in place, and take it away again whatever happens."""
         at, layout = self.joint.at, self.joint.layout
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
@@ -101,9 +99,9 @@ class Grafted(nn.Module):
                 )
             check_output(self.joint, output, points)
             features = to_bnc(output, layout)
-            fused = fuse(self.fusion, self.touch_encoder, points, features, touches, mask)
-            if torch.compiler.is_exporting():  # `fuse` leaves out nobody there
-                fused = torch.where(mask.any(1)[:, None, None], fused, features)
+            fused = fuse(self.fusion, self.touch_encoder, points, features, touches)
+            if torch.compiler.is_exporting():  # `fuse` then fuses rows without touches too
+                fused = torch.where(touches.mask.any(1)[:, None, None], fused, features)
             return from_bnc(fused.to(output.dtype), layout)
 
         handle = self.network.get_submodule(at).register_forward_hook(hook)
@@ -119,7 +117,7 @@ class Grafted(nn.Module):
         return result
 
 
-def _check_touches(points: Points, touches: Tensor, mask: Tensor) -> None:
+def _check_touches(points: Points, touches: Tensor, mask: Tensor | None) -> None:
     rows = points.shape[0]
     if touches.dim() != 4 or touches.shape[0] != rows or touches.shape[3] != 3 or touches.shape[2] == 0:
         raise UserError(
@@ -130,24 +128,27 @@ def _check_touches(points: Points, touches: Tensor, mask: Tensor) -> None:
             f"touches are {touches.dtype} on {touches.device}, the points {points.dtype} on {points.device}: "
             f"give touches.to(points)"
         )
-    if (mask.dtype, mask.device) != (torch.bool, touches.device) or mask.shape != touches.shape[:2]:
+    if mask is not None and (
+        (mask.dtype, mask.device) != (torch.bool, touches.device) or mask.shape != touches.shape[:2]
+    ):
         raise UserError(
             f"mask is {mask.dtype} {tuple(mask.shape)} on {mask.device}, not torch.bool {tuple(touches.shape[:2])} on "
             f"{touches.device}, one for each touch"
         )
 
 
-def _check_frame(points: Points, touches: Tensor, mask: Tensor) -> None:
+def _check_frame(points: Points, touches: TouchBatch) -> None:
     """Refuse rows whose touches are all far away, or not finite: in another unit or frame than the points."""
     cloud = points.detach().float()
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)
-    distance = (touches.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
+    distance = (touches.points.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
     far = ~(distance <= FAR * radius[:, None])
-    wrong = mask.any(1) & (far | ~mask).all(1)
+    wrong = touches.mask.any(1) & (far | ~touches.mask).all(1)
     if wrong.any():
         row = int(wrong.nonzero()[0])
+        nearest = float(distance[row][touches.mask[row]].min())
         raise UserError(
-            f"row {row} of the batch: its touches are {float(distance[row][mask[row]].min()):.3g} or more from the "
-            f"centre of a cloud of radius {float(radius[row]):.3g}: give points and touches in one frame and unit"
+            f"row {row} of the batch: its touches are {nearest:.3g} or more from the centre of a cloud of radius "
+            f"{float(radius[row]):.3g}: give points and touches in one frame and unit"
         )

@@ -8,7 +8,7 @@ import torch
 from pydantic import ValidationError
 from torch import Tensor
 
-from pcsr.contracts import Encoder, Fusion, Widths
+from pcsr.contracts import Encoder, Fusion, TouchBatch, Widths
 from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
@@ -87,10 +87,9 @@ def try_parts(grafted: Grafted, like: Tensor) -> None:
     random = torch.Generator().manual_seed(0)
     cloud = torch.rand(1, 64, 3, generator=random).to(like)
     features = torch.rand(1, 64, grafted.joint.width, generator=random).to(like)
-    mask = torch.ones(1, 1, dtype=torch.bool, device=like.device)
     with quiet(grafted, like.device):
         try:
-            fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, cloud[:, None], mask)
+            fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, TouchBatch.of(cloud[:, None]))
             reason = f"it gives {tuple(fused.shape)} for {tuple(features.shape)}"
         except Exception as error:  # an instance of other widths fails in whatever way its layers do
             fused, reason = None, f"{type(error).__name__}: {one_line(error)}"

@@ -4,7 +4,7 @@ from typing import Any
 
 import torch
 
-from pcsr.contracts import Fusion
+from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.testing.behaviour import CLOSE
 from pcsr.testing.check import Skipped
@@ -24,14 +24,14 @@ def zero_touches(subject: Subject) -> None:
     module: Any = subject.lively().float()
     points = cloud(BATCH, POINTS).float()
     touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
-    module.join(points, touches, mask)  # what came before must not show
+    module.join(points, TouchBatch.of(touches, mask))  # what came before must not show
     for what, count, there in (("no touch", 0, mask[:, :0]), (f"{TOUCHES} missing touches", TOUCHES, ~mask)):
-        joined = module.join(points, touches[:, :count], there)
+        joined = module.join(points, TouchBatch.of(touches[:, :count], there))
         if not torch.equal(joined, points):
             raise subject.failure(
                 f"with {what} its `join` turns a cloud of {POINTS} points into another, of {joined.shape[1]}",
                 "the cloud as it is",
-                "join the touches where `mask` is True, and nothing else",
+                "join the touches where `touches.mask` is True, and nothing else",
             )
     if not module.uses_touch_features:
         return
@@ -103,7 +103,7 @@ def hears(subject: Subject) -> None:
 def _joined(subject: Subject, module: Any) -> None:
     tensors = given(module, subject.widths)
     points = tensors["points"]
-    joined = module.join(points, tensors["touches"], tensors["mask"])
+    joined = module.join(points, TouchBatch.of(tensors["touches"], tensors["mask"]))
     kept = torch.cdist(points, joined).amin(2).max() if joined.dim() == 3 and len(joined) == len(points) else None
     if kept is None or kept > CLOSE:
         raise subject.failure(
@@ -122,6 +122,6 @@ def ragged_join(subject: Subject) -> None:
     touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
     mask[0, 0] = False
     try:
-        module.join(points, touches, mask)
+        module.join(points, TouchBatch.of(touches, mask))
     except UserError as error:
         subject.must_name_itself(error)

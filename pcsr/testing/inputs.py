@@ -78,7 +78,7 @@ def call(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> Tensor:
         touches = TouchBatch(tensors["touches"], tensors["touch_features"], tensors["mask"])
         made = module(tensors["points"], tensors["features"], touches)
     elif isinstance(module, Fusion):
-        made = module.join(tensors["points"], tensors["touches"], tensors["mask"])
+        made = module.join(tensors["points"], TouchBatch.of(tensors["touches"], tensors["mask"]))
     elif isinstance(module, Upsampler):
         made = module(tensors["points"], tensors["features"], rate)
     else:

@@ -81,9 +81,9 @@ def judge(subject: Subject, module: Any, judged: Network, *, touched: bool = Fal
     """The losses of a network on the suite's clouds, in the network's precision."""
     like = next(judged.parameters())
     points, truth = cloud(CLOUDS, COUNT, seed=3).to(like), cloud(CLOUDS, COUNT * RATE, seed=4).to(like)
-    touch = ((points[:, None, :8] * 0.9), torch.ones(CLOUDS, 1, dtype=torch.bool)) if touched else ()
+    touches = TouchBatch.of(points[:, None, :8] * 0.9) if touched else None
     try:
-        return module.losses(judged, points, truth, RATE, *touch)
+        return module.losses(judged, points, truth, RATE, touches)
     except UserError as error:
         subject.must_name_itself(error)
         raise subject.failure(

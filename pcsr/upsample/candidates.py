@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import PcsrWarning, RunError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.load import load_weights
@@ -81,7 +82,7 @@ class Networked(Candidates):
             return torch.from_numpy(cloud.astype(np.float32)).to(device)
 
         felt = self._felt(touches)
-        heard = torch.stack([tensor(touch) for touch in felt])[None] if felt else None
+        heard = TouchBatch.of(torch.stack([tensor(touch) for touch in felt])[None]) if felt else None
         dense = self.network.candidates(tensor(points)[None], self.rate, heard)[0].float().cpu().numpy()
         if not np.isfinite(dense).all():
             raise RunError("the network gave coordinates that are not finite: its weights are damaged, train it again")

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import RunError
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
@@ -68,11 +69,11 @@ def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patc
     for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
         spheres = [UnitSphere.fit(start[patch]) for patch in some]
         inside = torch.from_numpy(np.stack([s.apply(start[p]) for s, p in zip(spheres, some, strict=True)]))
-        touches, mask = None, None
+        touches = None
         if len(felt):
-            touches = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
-            mask = in_patch(touches)
-        dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
+            touched = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
+            touches = TouchBatch.of(touched, in_patch(touched))
+        dense = network(inside.to(device), left, touches).float().cpu().numpy()
         made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
     merged = np.concatenate(made)
     if not np.isfinite(merged).all():

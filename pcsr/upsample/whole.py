@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import RunError, UserError
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
@@ -38,8 +39,9 @@ def upsample(
     sphere = UnitSphere.fit(points)
     device = next(network.parameters()).device
     cloud = torch.from_numpy(sphere.apply(points))[None].to(device)
-    felt = torch.from_numpy(np.stack([sphere.apply(t) for t in touches]))[None].to(device) if len(touches) else None
-    dense = sphere.undo(network(cloud, rate, felt)[0].float().cpu().numpy())
+    touched = np.stack([sphere.apply(touch) for touch in touches]) if len(touches) else None
+    batch = None if touched is None else TouchBatch.of(torch.from_numpy(touched)[None].to(device))
+    dense = sphere.undo(network(cloud, rate, batch)[0].float().cpu().numpy())
     if not np.isfinite(dense).all():
         raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
     return dense

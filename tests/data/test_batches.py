@@ -37,7 +37,7 @@ def batches(*augment: str, size: int = 4, touches: tuple[int, int] = (0, 3), see
 
 
 def clouds(batch):
-    return batch.points, batch.touches, batch.mask, batch.truth
+    return batch.points, batch.touches.points, batch.touches.mask, batch.truth
 
 
 @given(step=st.integers(0, 50))
@@ -80,15 +80,15 @@ def test_an_epoch_shows_each_object_at_most_once_and_epochs_differ_in_order():
 
 def test_each_batch_draws_its_own_number_of_touches():
     made = batches("redraw", "rotate", touches=(1, 3))
-    counts = [made.at(step).touches.shape[1] for step in range(30)]
+    counts = [made.at(step).touches.points.shape[1] for step in range(30)]
     assert set(counts) == {1, 2, 3}
-    assert batches(*ALL, touches=(0, 0)).at(0).touches.shape == (4, 0, 8, 3)
+    assert batches(*ALL, touches=(0, 0)).at(0).touches.points.shape == (4, 0, 8, 3)
 
 
 def test_touches_of_a_row_are_different_touches_of_its_object():
     made = batches(touches=(3, 3), size=1, count=1)
     sphere = UnitSphere.fit(made.split.points[0].numpy())
-    felt = made.at(0).touches[0]
+    felt = made.at(0).touches.points[0]
     assert {touch.numpy().tobytes() for touch in felt} == {
         sphere.apply(touch.numpy()).tobytes() for touch in made.split.touches[0]
     }
@@ -136,8 +136,8 @@ def test_rotations_have_no_favourite_direction():
 def test_all_clouds_of_a_row_move_together(augment):
     still, moved = batches(touches=(2, 2)).at(0), batches(*augment, touches=(2, 2)).at(0)
     for row in range(4):
-        a = torch.cat([still.points[row], still.touches[row].flatten(0, 1), still.truth[row]]).double()
-        b = torch.cat([moved.points[row], moved.touches[row].flatten(0, 1), moved.truth[row]]).double()
+        a = torch.cat([still.points[row], still.touches.points[row].flatten(0, 1), still.truth[row]]).double()
+        b = torch.cat([moved.points[row], moved.touches.points[row].flatten(0, 1), moved.truth[row]]).double()
         change = torch.linalg.lstsq(a, b).solution
         torch.testing.assert_close(a @ change, b, atol=1e-5, rtol=0)
         square = change @ change.T
@@ -151,7 +151,7 @@ def test_all_clouds_of_a_row_move_together(augment):
 def test_jitter_moves_the_sparse_cloud_alone_and_little():
     still, moved = batches(touches=(2, 2)).at(0), batches("jitter", touches=(2, 2)).at(0)
     assert torch.equal(still.truth, moved.truth)
-    assert torch.equal(still.touches, moved.touches)
+    assert torch.equal(still.touches.points, moved.touches.points)
     noise = moved.points - still.points
     assert noise.abs().max() <= 3 * JITTER + 1e-6
     assert float(noise.std()) == pytest.approx(JITTER, rel=0.3)
@@ -191,7 +191,7 @@ def _assert_a_neighbourhood(whole, patch):
 
 def test_some_touches_belong_to_a_patch_and_some_do_not():
     made = patched("rotate", "scale", touches=(3, 3))
-    masks = torch.cat([made.at(step).mask for step in range(30)])
+    masks = torch.cat([made.at(step).touches.mask for step in range(30)])
     assert masks.shape[1] == 3
     assert 0 < masks.float().mean() < 1
 
@@ -201,12 +201,12 @@ def test_many_patches_are_around_a_touch():
     felt = [0.01 * touch + truth[0] for touch, truth in zip(given.touches, given.truth, strict=True)]
     far = dataclasses.replace(given, touches=felt)
     made = Batches(far, 7, (1, 1), (), 0, PATCHES)
-    at_touch = [row.any() for step in range(20) for row in made.at(step).mask]
+    at_touch = [row.any() for step in range(20) for row in made.at(step).touches.mask]
     assert 0.5 < np.mean(at_touch) < 1
 
 
 def test_without_patches_every_touch_is_there():
-    assert batches(touches=(2, 2)).at(0).mask.all()
+    assert batches(touches=(2, 2)).at(0).touches.mask.all()
 
 
 @given(seed=st.integers(0, 1000))
@@ -264,7 +264,7 @@ def test_a_share_of_the_batches_is_cropped_and_the_others_are_as_without():
     crops, whole = cropped_and_whole(made, 200)
     assert len(crops) == pytest.approx(200 * CROPPED, abs=25)  # four standard deviations
     assert all(batch.points.shape[1] == 20 and batch.truth.shape[1] == 100 for batch in crops)
-    assert all(batch.mask.all() for batch in whole)
+    assert all(batch.touches.mask.all() for batch in whole)
     plain = Batches(ball(), 2, (0, 3), (), 0)
     for step in range(40):
         batch = made.at(step)
@@ -290,9 +290,9 @@ def test_a_crop_is_one_side_of_the_object_and_its_cloud_is_drawn_from_it(augment
 
 def test_a_cropped_batch_has_no_touches_and_the_others_have_theirs():
     crops, whole = cropped_and_whole(Batches(ball(), 2, (3, 3), ("crop", "redraw"), 0))
-    assert {tuple(batch.touches.shape) for batch in crops} == {(2, 0, 8, 3)}
-    assert {tuple(batch.mask.shape) for batch in crops} == {(2, 0)}
-    assert {tuple(batch.touches.shape) for batch in whole} == {(2, 3, 8, 3)}
+    assert {tuple(batch.touches.points.shape) for batch in crops} == {(2, 0, 8, 3)}
+    assert {tuple(batch.touches.mask.shape) for batch in crops} == {(2, 0)}
+    assert {tuple(batch.touches.points.shape) for batch in whole} == {(2, 3, 8, 3)}
 
 
 def test_a_patch_is_a_part_already_and_never_cropped():

@@ -9,7 +9,7 @@ from lightning_fabric import Fabric
 from rich.progress import Progress
 from safetensors.torch import load_file
 
-from pcsr import UserError
+from pcsr import TouchBatch, UserError
 from pcsr.data.dataset import Split
 from pcsr.experiments.run import packages
 from pcsr.experiments.run_options import Place, run_folder
@@ -82,17 +82,17 @@ def test_no_touches_give_the_visual_output_and_rows_are_independent(recipe, regi
     points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
     plain = network(points, 4)
     absent = torch.zeros(2, 2, dtype=torch.bool)
-    assert torch.equal(network(points, 4, felt, absent), plain)
-    mixed = network(points, 4, felt, torch.tensor([[True, True], [False, False]]))
+    assert torch.equal(network(points, 4, TouchBatch.of(felt, absent)), plain)
+    mixed = network(points, 4, TouchBatch.of(felt, torch.tensor([[True, True], [False, False]])))
     assert torch.allclose(mixed[1], plain[1], atol=1e-6)
-    assert torch.allclose(mixed[0], network(points[:1], 4, felt[:1])[0], atol=1e-5)
+    assert torch.allclose(mixed[0], network(points[:1], 4, TouchBatch.of(felt[:1]))[0], atol=1e-5)
     assert not torch.allclose(mixed[0], plain[0], atol=1e-5)
 
 
 def test_gradients_reach_the_touch_encoder(recipe, registry, split):
     network = build(recipe, registry)
     points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
-    network(points, 4, felt).square().sum().backward()
+    network(points, 4, TouchBatch.of(felt)).square().sum().backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.touch_encoder.parameters())
 
 
@@ -100,8 +100,8 @@ def test_the_order_of_the_input_does_not_change_the_metric(recipe, registry, spl
     network, order = build(recipe, registry).eval(), torch.randperm(64)
     points, felt, truth = (torch.stack(list(clouds)) for clouds in (split.points, split.touches, split.truth))
     with torch.no_grad():
-        one = chamfer(network(points, 4, felt), truth)
-        other = chamfer(network(points[:, order], 4, felt), truth)
+        one = chamfer(network(points, 4, TouchBatch.of(felt)), truth)
+        other = chamfer(network(points[:, order], 4, TouchBatch.of(felt)), truth)
     assert torch.allclose(one, other, rtol=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_fusion_none_thins_its_output_but_not_in_training(registry, split):
     network = build(load(ROOT / "recipes/smoke.yaml", registry, overrides)[0], registry)
     points, felt = torch.stack(split.points[:2]), torch.stack(split.touches[:2])
     with torch.no_grad():
-        whole, thinned = network.train()(points, 4, felt), network.eval()(points, 4, felt)
+        whole, thinned = network.train()(points, 4, TouchBatch.of(felt)), network.eval()(points, 4, TouchBatch.of(felt))
     assert whole.shape == (2, 4 * (64 + 60), 3), "in training all is judged that was made"
     assert thinned.shape == (2, 256, 3)
     assert torch.cdist(thinned, whole, compute_mode="donot_use_mm_for_euclid_dist").amin(2).max() < 1e-5

@@ -280,8 +280,8 @@ class Judge(Objective):
     def forward(self, prediction, target):
         return {"off": (prediction.mean(1) - target.mean(1)).square().sum() + self.own}
 
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        stages = network.stages(points, rate, touches, mask)
+    def losses(self, network, points, truth, rate, touches=None):
+        stages = network.stages(points, rate, touches)
         return {"stages": torch.tensor(float(len(stages))), **self(stages[-1], truth)}
 
 

@@ -34,7 +34,7 @@ def test_the_default_touch_encoder_is_a_unet_of_a_quarter_of_the_width(width, ch
 
 
 class JoinsToo(Bias):
-    def join(self, points, touches, mask):
+    def join(self, points, touches):
         return points
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from pcsr.contracts import Upsampler
+from pcsr.contracts import TouchBatch, Upsampler
 from pcsr.errors import UserError
 from pcsr.geometry.anchoring import even_subset
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import Network, _first, build
+from pcsr.network.network import Network, _first_rate, build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 
@@ -45,9 +45,9 @@ def test_zero_touches_are_no_touches_bit_for_bit(clouds, fusion):
     net = network(*fusion)
     alone = net(points, RATE)
     assert alone.shape == (4, RATE * N, 3)
-    assert torch.equal(net(points, RATE, touches[:, :0]), alone)
-    assert torch.equal(net(points, RATE, touches, torch.zeros(4, 3, dtype=torch.bool)), alone)
-    assert not torch.equal(net(points, RATE, touches), alone)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches[:, :0])), alone)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches, torch.zeros(4, 3, dtype=torch.bool))), alone)
+    assert not torch.equal(net(points, RATE, TouchBatch.of(touches)), alone)
 
 
 @pytest.mark.parametrize("fusion", ["iterative", "concat"])
@@ -57,9 +57,9 @@ def test_rows_of_a_mixed_batch_are_the_rows_alone(clouds, fusion):
     net = network(f"model.fusion={fusion}")
     counts = (2, 0, 3, 1)
     mask = torch.arange(3) < torch.tensor(counts)[:, None]
-    mixed = net(points, RATE, touches, mask)
+    mixed = net(points, RATE, TouchBatch.of(touches, mask))
     for row, count in enumerate(counts):
-        felt = touches[row : row + 1, :count] if count else None
+        felt = TouchBatch.of(touches[row : row + 1, :count]) if count else None
         torch.testing.assert_close(mixed[row : row + 1], net(points[row : row + 1], RATE, felt), atol=1e-5, rtol=0)
 
 
@@ -69,9 +69,9 @@ def test_what_stands_in_the_place_of_a_missing_touch_does_not_matter(clouds):
     net, mask = network(), torch.tensor([[True, False, True]] * 4)
     other = touches.clone()
     other[:, 1] = 0.5
-    assert torch.equal(net(points, RATE, touches, mask), net(points, RATE, other, mask))
-    close = net(points, RATE, touches[:, [0, 2]])
-    torch.testing.assert_close(net(points, RATE, touches, mask), close, atol=1e-5, rtol=0)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches, mask)), net(points, RATE, TouchBatch.of(other, mask)))
+    close = net(points, RATE, TouchBatch.of(touches[:, [0, 2]]))
+    torch.testing.assert_close(net(points, RATE, TouchBatch.of(touches, mask)), close, atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("fusion", ["iterative", "concat"])
@@ -79,7 +79,7 @@ def test_gradients_reach_every_part_and_the_touch_encoder(clouds, fusion):
     points, touches = clouds
     net = network(f"model.fusion={fusion}")
     mask = torch.tensor([[True, True, True], [False, False, False], [True, False, False], [True, True, False]])
-    (net(points, RATE, touches, mask) ** 2).sum().backward()
+    (net(points, RATE, TouchBatch.of(touches, mask)) ** 2).sum().backward()
     for name, weight in net.named_parameters():
         assert weight.grad is not None, name
         assert weight.grad.isfinite().all(), name
@@ -93,8 +93,8 @@ def test_the_order_of_the_points_does_not_matter(clouds, fusion):
     points, touches = clouds
     net, shuffled = network(*fusion), torch.randperm(N, generator=torch.Generator().manual_seed(5))
     truth = torch.randn(4, 50, 3, generator=torch.Generator().manual_seed(6)) / 2
-    before = chamfer(net(points, RATE, touches), truth)
-    after = chamfer(net(points[:, shuffled], RATE, touches), truth)
+    before = chamfer(net(points, RATE, TouchBatch.of(touches)), truth)
+    after = chamfer(net(points[:, shuffled], RATE, TouchBatch.of(touches)), truth)
     torch.testing.assert_close(after, before, rtol=1e-4, atol=0)
 
 
@@ -110,7 +110,7 @@ def test_points_in_file_order_do_matter(clouds):
 def test_without_fusion_the_output_is_thinned_to_the_rate(clouds):
     points, touches = clouds
     net = network(*NO_FUSION)
-    dense = net(points, RATE, touches[:, :2])
+    dense = net(points, RATE, TouchBatch.of(touches[:, :2]))
     assert dense.shape == (4, RATE * N, 3)
     joined = torch.cat([points, touches[:, :2].flatten(1, 2)], dim=1)
     full = net(joined, RATE)
@@ -138,8 +138,8 @@ def test_the_network_sees_what_its_upsampler_prepares_and_makes_the_rest(clouds)
     net = network()
     net.upsampler = Doubled()
     expected = torch.cat([points, points + 0.1], 1).repeat_interleave(2, dim=1)
-    assert torch.equal(net(points, 4, touches), expected)
-    (stage,) = net.stages(points, 4, touches)
+    assert torch.equal(net(points, 4, TouchBatch.of(touches)), expected)
+    (stage,) = net.stages(points, 4, TouchBatch.of(touches))
     assert torch.equal(stage, expected)
     assert torch.equal(net(points, 1), points)
 
@@ -191,11 +191,11 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
     points, touches = clouds
     net = network(*overrides)
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
-    for felt in (None, touches[:, :0], touches):
+    for felt in (None, TouchBatch.of(touches[:, :0]), TouchBatch.of(touches)):
         assert net(points, RATE, felt).shape == (4, COUNT, 3)
         assert net.stages(points, RATE, felt)[-1].shape == (4, COUNT, 3)
     if net.fusion.uses_touch_features:  # a fusion that joins touches wants as many in each row
-        assert net(points, RATE, touches, mask).shape == (4, COUNT, 3)
+        assert net(points, RATE, TouchBatch.of(touches, mask)).shape == (4, COUNT, 3)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
 ):
     points, touches = clouds
     net = network(*overrides)
-    for felt in (None, touches):
+    for felt in (None, TouchBatch.of(touches)):
         made = net.upsampler(*net.refine(points, felt), RATE)
         every = net.candidates(points, RATE, felt)
         assert every.shape[1] > COUNT
@@ -225,21 +225,26 @@ def test_candidates_repeat_points_in_the_place_of_a_missing_touch_and_are_what_t
     points, touches = clouds
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
     net = anchored()
-    every = net.candidates(points, RATE, touches, mask)
-    assert torch.equal(net.candidates(points, RATE, touches), net.candidates(points, RATE, touches, mask | True))
+    every = net.candidates(points, RATE, TouchBatch.of(touches, mask))
+    assert torch.equal(
+        net.candidates(points, RATE, TouchBatch.of(touches)),
+        net.candidates(points, RATE, TouchBatch.of(touches, mask | True)),
+    )
     for row, felt, there in zip(every, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
         assert torch.equal(joined[there], felt[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own
     net.train()
-    assert torch.equal(net.candidates(points, RATE, touches, mask), net(points, RATE, touches, mask))
+    assert torch.equal(
+        net.candidates(points, RATE, TouchBatch.of(touches, mask)), net(points, RATE, TouchBatch.of(touches, mask))
+    )
 
 
 @torch.no_grad()
 def test_of_an_upsampler_without_surplus_candidates_are_the_result(clouds):
     points, touches = clouds
     net = network()
-    assert torch.equal(net.candidates(points, RATE, touches), net(points, RATE, touches))
+    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), net(points, RATE, TouchBatch.of(touches)))
 
 
 @torch.no_grad()
@@ -265,7 +270,7 @@ def test_in_training_every_touched_point_is_there(clouds):
     points, touches = clouds
     net = anchored().train()
     mask = torch.tensor([[True, False, True]] * 4)
-    dense = net(points, RATE, touches, mask)
+    dense = net(points, RATE, TouchBatch.of(touches, mask))
     assert dense.shape == (4, COUNT + 36, 3)
     for row, felt, there in zip(dense, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
@@ -276,15 +281,15 @@ def test_in_training_every_touched_point_is_there(clouds):
 @torch.no_grad()
 def test_in_training_there_are_as_many_for_each_point_that_joined(clouds):
     points, touches = clouds
-    assert network(*NO_FUSION, *FAN).train()(points, RATE, touches).shape == (4, RATE * (N + 36), 3)
-    assert network(*INSERTED).train()(points, RATE, touches).shape == (4, RATE * (N + 36) + 36, 3)
+    assert network(*NO_FUSION, *FAN).train()(points, RATE, TouchBatch.of(touches)).shape == (4, RATE * (N + 36), 3)
+    assert network(*INSERTED).train()(points, RATE, TouchBatch.of(touches)).shape == (4, RATE * (N + 36) + 36, 3)
 
 
 @torch.no_grad()
 def test_a_touched_region_consists_of_touched_points(clouds):
     points, touches = clouds
     net = anchored()
-    dense, alone = net(points, RATE, touches), net(points, RATE)
+    dense, alone = net(points, RATE, TouchBatch.of(touches)), net(points, RATE)
     for row, felt, visual in zip(dense, touches.flatten(1, 2), alone, strict=True):
         guessed = torch.stack([point for point in row if tuple(point.tolist()) not in rows_of(felt)])
         assert len(guessed) < len(row), "no touched point is there"
@@ -297,9 +302,9 @@ def test_with_anchors_zero_touches_are_no_touches_bit_for_bit(clouds):
     points, touches = clouds
     for net in (anchored(), network(ANCHORED[0])):
         alone = net(points, RATE)
-        assert torch.equal(net(points, RATE, touches[:, :0]), alone)
-        assert torch.equal(net(points, RATE, touches, torch.zeros(4, 3, dtype=torch.bool)), alone)
-        assert not torch.equal(net(points, RATE, touches), alone)
+        assert torch.equal(net(points, RATE, TouchBatch.of(touches[:, :0])), alone)
+        assert torch.equal(net(points, RATE, TouchBatch.of(touches, torch.zeros(4, 3, dtype=torch.bool))), alone)
+        assert not torch.equal(net(points, RATE, TouchBatch.of(touches)), alone)
 
 
 @torch.no_grad()
@@ -309,10 +314,10 @@ def test_with_anchors_rows_are_independent_and_missing_touches_leave_no_trace(cl
     other = touches.clone()
     other[~mask] = 0.5
     for net in (anchored(), network(ANCHORED[0])):
-        mixed = net(points, RATE, touches, mask)
-        assert torch.equal(net(points, RATE, other, mask), mixed)
+        mixed = net(points, RATE, TouchBatch.of(touches, mask))
+        assert torch.equal(net(points, RATE, TouchBatch.of(other, mask)), mixed)
         for row, (cloud, felt, there) in enumerate(zip(points, touches, mask, strict=True)):
-            alone = net(cloud[None], RATE, felt[there][None] if there.any() else None)[0]
+            alone = net(cloud[None], RATE, TouchBatch.of(felt[there][None]) if there.any() else None)[0]
             torch.testing.assert_close(mixed[row], alone, atol=1e-5, rtol=0)
 
 
@@ -322,7 +327,10 @@ def test_with_anchors_the_order_of_points_and_touches_does_not_matter(clouds):
     random = torch.Generator().manual_seed(5)
     n, a, m = (torch.randperm(count, generator=random) for count in (N, 3, 12))
     net = anchored()
-    before, after = net(points, RATE, touches), net(points[:, n], RATE, touches[:, a][:, :, m])
+    before, after = (
+        net(points, RATE, TouchBatch.of(touches)),
+        net(points[:, n], RATE, TouchBatch.of(touches[:, a][:, :, m])),
+    )
     apart = torch.cdist(before, after, compute_mode="donot_use_mm_for_euclid_dist")
     for nearest in (apart.amin(1), apart.amin(2)):  # where two are equally far, rounding decides who stays
         assert (nearest < 1e-4).float().mean() > 0.95
@@ -333,7 +341,7 @@ def test_with_anchors_gradients_reach_every_weight(clouds, training):
     points, touches = clouds
     net = anchored().train(training)
     mask = torch.tensor([[True, True, True], [False, False, False], [True, False, False], [True, True, False]])
-    (net(points, RATE, touches, mask) ** 2).sum().backward()
+    (net(points, RATE, TouchBatch.of(touches, mask)) ** 2).sum().backward()
     for name, weight in net.named_parameters():
         assert weight.grad is not None, name
         assert weight.grad.isfinite().all(), name
@@ -345,7 +353,7 @@ def test_with_anchors_gradients_reach_every_weight(clouds, training):
 def test_few_touched_points_never_leave_too_few_points(clouds):
     """A touched point takes the place of all around it: of an upsampler without surplus none may be left over."""
     points, touches = clouds
-    assert network(ANCHORED[0])(points, RATE, touches[:, :1, :2]).shape == (4, COUNT, 3)
+    assert network(ANCHORED[0])(points, RATE, TouchBatch.of(touches[:, :1, :2])).shape == (4, COUNT, 3)
 
 
 # --- a rate that is too much for one pass
@@ -353,7 +361,7 @@ def test_few_touched_points_never_leave_too_few_points(clouds):
 
 @pytest.mark.parametrize(("rate", "first"), [(9, 3), (12, 3), (16, 4), (24, 4), (32, 4), (64, 8), (11, 1), (128, 8)])
 def test_two_passes_share_a_rate_near_its_root(rate, first):
-    assert _first(rate, 8) == first
+    assert _first_rate(rate, 8) == first
 
 
 @torch.no_grad()
@@ -363,7 +371,7 @@ def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(
     assert net.upsampler.max_rate_per_pass == 8
     assert torch.equal(net(points, 16), net(net(points, 4), 4))
     assert torch.equal(net(points, 8), net.stages(points, 8)[-1])
-    dense = net(points, 16, touches)
+    dense = net(points, 16, TouchBatch.of(touches))
     assert dense.shape == (4, 16 * N, 3)
     for made, felt in zip(dense, touches.flatten(1, 2), strict=True):
         assert (torch.cdist(made, felt).amin(1) == 0).sum() > len(felt) / 2

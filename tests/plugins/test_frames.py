@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from torch import nn
 from torch.nn import functional as F
 
-from pcsr import Trait, UserError, Widths
+from pcsr import TouchBatch, Trait, UserError, Widths
 from pcsr.network.network import Network, build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
@@ -72,9 +72,9 @@ def untrained(net):
 def test_with_touches_it_does_so_too(seed, scale):
     points, turn = curved(seed), scale * rotation(seed, torch.float64)
     touches = curved(seed + 1, 40)[:, None, :, :] * 0.9  # all of so few points are inserted
-    net, mask = whole(seed=seed), torch.ones(2, 1, dtype=torch.bool)
-    cloud, features = net.refine(points, touches, mask)
-    turned, as_well = net.refine(points @ turn, touches @ turn, mask)
+    net = whole(seed=seed)
+    cloud, features = net.refine(points, TouchBatch.of(touches))
+    turned, as_well = net.refine(points @ turn, TouchBatch.of(touches @ turn))
     for a, f, b, g in zip(cloud @ turn, features, turned, as_well, strict=True):
         order = torch.cdist(a, b).argmin(1)  # a curve through a turned touch runs another way
         close(a, b[order])

@@ -159,7 +159,7 @@ def test_concat_refuses_more_touches_than_slots():
 def test_none_joins_the_raw_points_and_leaves_features_alone():
     fusion, points, features = NoFusion(WIDTHS), torch.randn(2, 7, 3), torch.randn(2, 7, WIDTHS.visual)
     touches = touched([[True, False, True], [False, True, True]])
-    joined = fusion.join(points, touches.points, touches.mask)
+    joined = fusion.join(points, touches)
     assert torch.equal(joined[0], torch.cat([points[0], touches.points[0, 0], touches.points[0, 2]]))
     assert torch.equal(joined[1], torch.cat([points[1], touches.points[1, 1], touches.points[1, 2]]))
     assert torch.equal(fusion(points, features, touches), features)
@@ -169,7 +169,7 @@ def test_none_joins_the_raw_points_and_leaves_features_alone():
 def test_none_refuses_rows_of_unequal_counts():
     touches = touched([[True, True], [True, False]])
     with pytest.raises(UserError, match=r"same number of touches in each row, got \[2, 1\]"):
-        NoFusion(WIDTHS).join(torch.randn(2, 7, 3), touches.points, touches.mask)
+        NoFusion(WIDTHS).join(torch.randn(2, 7, 3), touches)
 
 
 # --- backbone
@@ -231,7 +231,7 @@ def example(counts: tuple[int, int], dtype: torch.dtype) -> tuple[torch.Tensor, 
     generator = torch.Generator().manual_seed(0)
     points = F.normalize(torch.randn(2, 512, 3, generator=generator), dim=-1).to(dtype)
     touches = torch.randn(2, 4, 512, 3, generator=generator).to(dtype) / 4
-    return points, touches, torch.arange(4) < torch.tensor(counts)[:, None]
+    return points, TouchBatch.of(touches, torch.arange(4) < torch.tensor(counts)[:, None])
 
 
 @pytest.mark.parametrize("counts", [(0, 0), (4, 4), (1, 3)])
@@ -239,8 +239,8 @@ def example(counts: tuple[int, int], dtype: torch.dtype) -> tuple[torch.Tensor, 
 def test_the_network_is_its_plain_twin(counts):
     """Of TAPSR's own size and weights: 512 points, rate 16, single precision."""
     network = pcsr.load("tapsr").network
-    points, touches, mask = example(counts, torch.float32)
-    close(network(points, 16, touches, mask), plain(network)(points, 16, touches, mask))
+    points, touches = example(counts, torch.float32)
+    close(network(points, 16, touches), plain(network)(points, 16, touches))
 
 
 @pytest.mark.parametrize("counts", [(0, 0), (4, 4), (1, 3)])
@@ -250,8 +250,8 @@ def test_the_network_has_the_gradients_of_its_plain_twin(counts):
     """
     network = pcsr.load("tapsr").network.double()
     twin = plain(network)
-    points, touches, mask = example(counts, torch.float64)
-    dense, expected = network(points, 16, touches, mask), twin(points, 16, touches, mask)
+    points, touches = example(counts, torch.float64)
+    dense, expected = network(points, 16, touches), twin(points, 16, touches)
     towards = torch.randn(dense.shape, generator=torch.Generator().manual_seed(1), dtype=dense.dtype)
     for output in (dense, expected):
         (output * towards).sum().backward()

@@ -18,13 +18,13 @@ COUNTER = itertools.count()
 
 
 class AList(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        return list(self(network(points, rate, touches, mask), truth).values())
+    def losses(self, network, points, truth, rate, touches=None):
+        return list(self(network(points, rate, touches), truth).values())
 
 
 class OneForEachCloud(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        return {"squares": network(points, rate, touches, mask).square().mean((1, 2))}
+    def losses(self, network, points, truth, rate, touches=None):
+        return {"squares": network(points, rate, touches).square().mean((1, 2))}
 
 
 class DetachedLoss(Squares):
@@ -33,17 +33,17 @@ class DetachedLoss(Squares):
 
 
 class RefusesNamelessly(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         raise UserError("not this network")
 
 
 class RefusesTheNetwork(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         raise UserError("objective 'refuses' wants an upsampler with a distance")
 
 
 class ForgetsTouches(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         return self(network(points, rate), truth)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from pcsr import Trait, UserError
+from pcsr import TouchBatch, Trait, UserError
 from tests.testing.parts import Attend, Copy, Join, Lift, Refine
 
 
@@ -188,17 +188,17 @@ class SetInFileOrder(Copy):
 
 
 class JoinsWhatIsMissing(Join):
-    def join(self, points, touches, mask):
-        return super().join(points, touches, torch.ones_like(mask))
+    def join(self, points, touches):
+        return super().join(points, TouchBatch.of(touches.points))
 
 
 class RemembersTouches(Join):
     last = None
 
-    def join(self, points, touches, mask):
-        if mask.any():
-            self.last = touches, mask
-        return super().join(points, *(self.last or (touches, mask)))
+    def join(self, points, touches):
+        if touches.mask.any():
+            self.last = touches
+        return super().join(points, self.last or touches)
 
 
 class SumsOfTouches(Attend):
@@ -226,10 +226,11 @@ class CountsByShape(Attend):
 
 
 class RefusesRagged(Join):
-    def join(self, points, touches, mask):
-        if (mask.sum(1) != mask.sum(1)[0]).any():
+    def join(self, points, touches):
+        counts = touches.mask.sum(1)
+        if (counts != counts[0]).any():
             raise UserError("unequal")
-        return super().join(points, touches, mask)
+        return super().join(points, touches)
 
 
 class Deaf(Attend):
@@ -242,8 +243,8 @@ class HearsNothing(Attend):
 
 
 class ForgetsTheCloud(Join):
-    def join(self, points, touches, mask):
-        return points if not mask.any() else super().join(points, touches, mask)[:, points.shape[1] // 2 :]
+    def join(self, points, touches):
+        return points if not touches.mask.any() else super().join(points, touches)[:, points.shape[1] // 2 :]
 
 
 class FirstTouchFirst(Attend):

@@ -161,10 +161,10 @@ def test_an_objective_made_for_one_upsampler_is_handed_it():
             self.special = True
 
     class Picky(Squares):
-        def losses(self, network, points, truth, rate, touches=None, mask=None):
+        def losses(self, network, points, truth, rate, touches=None):
             if not hasattr(network.upsampler, "special"):
                 raise UserError("objective 'picky' wants the upsampler 'own'")
-            return super().losses(network, points, truth, rate, touches, mask)
+            return super().losses(network, points, truth, rate, touches)
 
     with pytest.raises(CheckFailed, match="refuses the suite's network"):
         run("gradients", Picky)
