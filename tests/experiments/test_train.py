@@ -17,7 +17,8 @@ from pcsr.data.batches import Batches
 from pcsr.data.dataset import Split
 from pcsr.data.loading import prepared
 from pcsr.errors import RunError, UserError
-from pcsr.experiments.train import CHECKPOINT, HISTORY, Progress, learning_rate, train, validate
+from pcsr.experiments.recorder import CHECKPOINT, HISTORY, Progress, validate
+from pcsr.experiments.train import learning_rate, train
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
@@ -251,7 +252,7 @@ def test_a_loss_that_is_not_finite_ends_it_and_the_checkpoint_before_stays(recip
     registry.add(Entry("objective", "infinite", Infinite, "test", "0"))
     objective = recipe.train.objective.model_copy(update={"use": "infinite", "options": {}})
     broken = recipe.model_copy(update={"train": recipe.train.model_copy(update={"objective": objective})})
-    with pytest.raises(RunError, match=r"the loss is nan at step 3 of 8 .*lower train\.rate"):
+    with pytest.raises(RunError, match=r"the loss is nan at step 3 of 8 .*lower train\.learning_rate"):
         trained(broken, tmp_path / "run", registry=registry, checkpoint_every=0.0)
     assert [line["step"] for line in history(tmp_path / "run") if "loss" in line] == [1, 2]
     steps = []

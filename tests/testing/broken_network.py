@@ -321,9 +321,13 @@ BROKEN = [
     ("weights", RandomWidth, "an instance of another seed does not take its weights"),
     ("export", ExportsOtherwise, "for a batch of 1 its exported graph is .* off"),
     ("export", RowByRow, "takes batches of one size alone"),
-    ("trait-point-order-free", InFileOrder, "claims 'permutation-equivariant', but with its points in another order"),
     (
-        "trait-point-order-free",
+        "trait-permutation-equivariant",
+        InFileOrder,
+        "claims 'permutation-equivariant', but with its points in another order",
+    ),
+    (
+        "trait-permutation-equivariant",
         SetInFileOrder,
         "claims 'permutation-equivariant', but with its points in another order",
     ),
@@ -338,7 +342,7 @@ BROKEN = [
     ("hears", HearsNothing, "hears no features, joins no points and has no anchors"),
     ("hears", ForgetsTheCloud, "points of the cloud are not in it"),
     (
-        "trait-touch-order-free",
+        "trait-touch-permutation-invariant",
         FirstTouchFirst,
         "claims 'touch-permutation-invariant', but with its touches in another order",
     ),

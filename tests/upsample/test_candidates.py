@@ -26,7 +26,7 @@ class Echo(nn.Module):
         self.asked = []
 
     def candidates(self, points, rate, touches=None):
-        self.asked.append(touches)
+        self.asked.append(None if touches is None else touches.points)
         return points.repeat_interleave(rate, dim=1) * self.factor
 
 
