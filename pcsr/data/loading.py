@@ -1,4 +1,4 @@
-"""Batches made ahead by other processes: a GPU is done with one before a single process has made the next."""
+"""Batches made ahead by other processes, since one process alone is slower than a GPU."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -11,19 +11,19 @@ from pcsr.data.batches import Batch, Batches
 from pcsr.workers import end_with_parent
 
 LOADERS = 2
-"""Processes that make batches for a GPU, if nobody says how many."""
+"""Default number of processes that make batches for a GPU."""
 
 
 def prepared(batches: Batches, steps: range, loaders: int, rank: int = 0, ranks: int = 1) -> Iterable[Batch]:
-    """The share of process `rank` in each batch of `steps`, in their order.
+    """Return the share of process `rank` in each batch of `steps`, in their order.
 
     Args:
-        batches: all of them, by number.
-        steps: which of them.
-        loaders: processes, of a thread each, that make them; 0 makes each when it is asked for. Beside a CPU that
-            trains nothing is gained by more.
-        rank: the number of this process among those that train.
-        ranks: how many train.
+        batches: all batches of the run.
+        steps: numbers of the batches.
+        loaders: number of processes, of one thread each, that make batches ahead. 0: this process makes each batch when
+            it is needed, which is as fast where the same CPU trains.
+        rank: index of this process among those that train.
+        ranks: number of processes that train.
     """
     share = partial(batches.at, rank=rank, ranks=ranks)
     if not loaders or not steps:
@@ -40,7 +40,7 @@ def prepared(batches: Batches, steps: range, loaders: int, rank: int = 0, ranks:
 
 @dataclass(frozen=True)
 class _Shares(Dataset[Batch]):
-    """What a loader asks for an item."""
+    """The data set that the loader indexes by step."""
 
     share: Callable[[int], Batch]
 
@@ -49,7 +49,7 @@ class _Shares(Dataset[Batch]):
 
 
 def _apart(_number: int) -> None:
-    """Ctrl-C and a scheduler's polite kill go to a whole process group; training ends its step, then its loaders."""
+    """Leave the process group, which receives SIGINT and SIGTERM: training ends its loaders after its last step."""
     if hasattr(os, "setpgid"):  # Windows has no process groups of this kind
         os.setpgid(0, 0)
-    end_with_parent()  # torch looks for it every five seconds only
+    end_with_parent()  # torch checks for it only every five seconds

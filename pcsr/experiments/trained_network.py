@@ -14,8 +14,8 @@ from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.finished_runs import WEIGHTS, Earlier, of_other_code, of_recipe
-from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.recorder import CHECKPOINT, HISTORY
+from pcsr.experiments.run_options import Place, run_folder
 from pcsr.experiments.train import train
 from pcsr.files import write_text
 from pcsr.network.load import load_weights, save_weights

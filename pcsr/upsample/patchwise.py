@@ -1,7 +1,7 @@
-"""The field's protocol: overlapping patches, each in its own unit sphere, merged and thinned by farthest points.
+"""The field's test protocol: overlapping patches, each in its own unit sphere, merged and thinned by farthest points.
 
-As PU-Net (Yu et al., CVPR 2018, Sec. 3.1) and PU-GAN (Li et al., ICCV 2019) cut and merge them. Where the rate of the
-network is less than what is asked for, it is applied to what it made, as the field makes 16x of 4x.
+Patches are cut and merged as by PU-Net (Yu et al., CVPR 2018, Sec. 3.1) and PU-GAN (Li et al., ICCV 2019). For a rate
+above the network's, the network is applied repeatedly, such as twice at rate 4 for rate 16.
 """
 
 import math
@@ -21,7 +21,7 @@ from pcsr.network.network import Network
 from pcsr.recipe import Patches
 
 AT_ONCE = 8
-"""Patches that the network sees together."""
+"""Number of patches in one batch of the network."""
 
 Cloud = Float[np.ndarray, "_ 3"]
 
@@ -37,26 +37,26 @@ def upsample_patches(
         points: the sparse cloud, in any frame and unit.
         rate: output points for each input point, a power of the patches' rate.
         touches: touched points in the frame and unit of `points`, the same number for each touch.
-        patches: how to cut.
+        patches: size, rate and overlap of the patches.
 
     Returns:
         The dense cloud in the frame and unit of `points`, float64.
 
     Raises:
         UserError: a cloud that is empty or not finite.
-        RunError: the network gave something that is not finite.
+        RunError: the network generated a coordinate that is not finite.
     """
     sphere = UnitSphere.fit(points)
     cloud = sphere.apply(points)
-    felt = np.stack([sphere.apply(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
+    touched = np.stack([sphere.apply(touch) for touch in touches]) if touches else np.zeros((0, 1, 3), np.float32)
     goal = rate * len(points)
     while len(cloud) < goal:
-        cloud = _pass(network, cloud, felt, patches)
+        cloud = _pass(network, cloud, touched, patches)
     return sphere.undo(cloud)
 
 
-def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patches: Patches) -> Cloud:
-    """Every patch through the network once."""
+def _pass(network: Network, cloud: Cloud, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> Cloud:
+    """Upsample every patch once, and merge the results."""
     device = next(network.parameters()).device
     goal = patches.rate * len(cloud)
     start = network.upsampler.prepare(torch.from_numpy(cloud)[None].to(device), patches.rate)[0].float().cpu().numpy()
@@ -65,17 +65,17 @@ def _pass(network: Network, cloud: Cloud, felt: Float[np.ndarray, "a m 3"], patc
     count = min(n, math.ceil(patches.overlap * n / size)) if n > size else 1
     seeds = start[farthest_points(start, count)]
     rows = cKDTree(start).query(seeds, range(1, size + 1))[1]
-    made = []
+    dense = []
     for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
         spheres = [UnitSphere.fit(start[patch]) for patch in some]
         inside = torch.from_numpy(np.stack([s.apply(start[p]) for s, p in zip(spheres, some, strict=True)]))
         touches = None
-        if len(felt):
-            touched = torch.from_numpy(np.stack([[s.apply(touch) for touch in felt] for s in spheres])).to(device)
-            touches = TouchBatch.of(touched, in_patch(touched))
-        dense = network(inside.to(device), left, touches).float().cpu().numpy()
-        made += [sphere.undo(one) for sphere, one in zip(spheres, dense, strict=True)]
-    merged = np.concatenate(made)
+        if len(touched):
+            clouds = torch.from_numpy(np.stack([[s.apply(touch) for touch in touched] for s in spheres])).to(device)
+            touches = TouchBatch.of(clouds, in_patch(clouds))
+        outputs = network(inside.to(device), left, touches).float().cpu().numpy()
+        dense += [sphere.undo(one) for sphere, one in zip(spheres, outputs, strict=True)]
+    merged = np.concatenate(dense)
     if not np.isfinite(merged).all():
         raise RunError("the network gave coordinates that are not finite: its weights are damaged, train them again")
     thinned: Cloud = merged[farthest_points(merged, goal)].astype(np.float32)

@@ -1,4 +1,4 @@
-"""From a person's cloud to a dense one: into the network's frame, through the network, and back."""
+"""Upsampling of a whole cloud in one pass of a network."""
 
 from collections.abc import Sequence
 
@@ -32,7 +32,7 @@ def upsample(
 
     Raises:
         UserError: a cloud that is empty or not finite, or touches of different sizes.
-        RunError: the network gave something that is not finite.
+        RunError: the network generated a coordinate that is not finite.
     """
     if len({len(touch) for touch in touches}) > 1:
         raise UserError(f"touches: expected one size, got {[len(touch) for touch in touches]} points")

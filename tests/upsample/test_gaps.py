@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.upsample.gaps import _spread_fraction, between, near, spacing, spread_out
+from pcsr.upsample.gaps import _spread_fraction, between, spacing, spread_out, within_reach
 
 
 def slowly(candidates, known, mine, count):
@@ -98,7 +98,7 @@ def test_nothing_bridges_a_gap_and_what_fills_the_sampling_stays():
     left, right = (rng.uniform(0, 1, (400, 3)) * [1, 1, 0] + [x, 0, 0] for x in (0.0, 1.5))
     cloud = np.concatenate([left, right])
     candidates = np.column_stack([rng.uniform(0, 2.5, 5000), rng.uniform(0, 1, 5000), np.zeros(5000)])
-    close, distance, nearest = near(candidates, cloud)
+    close, distance, nearest = within_reach(candidates, cloud)
     in_gap = (candidates[:, 0] > 1.1) & (candidates[:, 0] < 1.4)
     on_sheet = (candidates[:, 0] < 0.95) | (candidates[:, 0] > 1.55)
     assert not close[in_gap].any()
