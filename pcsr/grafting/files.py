@@ -1,4 +1,4 @@
-"""Grafts in files: the weights of the network and of its tactile parts, and how to build those again."""
+"""Files of grafts: the weights of the network and of its tactile parts, and the options of these parts."""
 
 import json
 import textwrap
@@ -19,15 +19,15 @@ from pcsr.grafting.probe import find_layer
 from pcsr.plugins.registry import Registry
 
 WIDEST = 10**6
-"""Channels of the widest layer that touch may enter at."""
+"""Largest number of channels of a grafted layer."""
 
 
 def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | None = None) -> None:
-    """Write the weights of the network and of its tactile parts; the header says what to rebuild and `about`.
+    """Write the weights of the network and of its tactile parts. The header holds the parts' options and `about`.
 
     Raises:
-        UserError: a tactile part was given as an instance, which a file cannot describe, or `about` is not what
-            JSON can write.
+        UserError: a tactile part was given as an instance, which a file cannot describe, or JSON cannot represent
+            `about`.
     """
     nameless = [kind for kind, spec in grafted.specs.items() if spec == "instance"]
     if nameless:
@@ -40,17 +40,17 @@ def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | No
         header = json.dumps(card)
     except TypeError as error:
         raise UserError(f"about={about!r}: the header of a graft is what JSON can write, but {error}") from error
-    # Cloned, as weights that two layers share are refused by safetensors.
+    # Cloned, since safetensors refuses weights that two layers share.
     tensors = {name: tensor.detach().clone() for name, tensor in grafted.state_dict().items()}
     save_tensors(Path(path), tensors, {"pcsr": header})
 
 
 def load_graft(path: Path | str, network: nn.Module, registry: Registry | None = None) -> Grafted:
-    """The graft that `save_graft` wrote, in `eval` mode, on `network`, whose weights are overwritten too.
+    """Load a graft that `save_graft` wrote onto `network`, whose weights are overwritten; returns it in `eval` mode.
 
     Raises:
-        UserError: no file of `save_graft`, a part that is not installed, or another network; the message names
-            the weights that differ, and nothing is changed.
+        UserError: not a file of `save_graft`, a part that is not installed, or another network. The message names the
+            weights that differ, and nothing is changed.
     """
     path = Path(path)
     tensors, joint, fusion, touch_encoder = _read(path)
@@ -82,24 +82,24 @@ def _read(path: Path) -> tuple[dict[str, Tensor], Joint, Any, Any]:
             card = json.loads((file.metadata() or {})["pcsr"])["graft"]
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
             return tensors, _joint(card["joint"]), card["fusion"], card["touch_encoder"]
-    # A nonsensical header reaches safetensors, json and torch, each with errors of its own.
+    # An invalid header raises errors of safetensors, json or torch.
     except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
-        said = textwrap.shorten(str(error), 200)
+        reason = textwrap.shorten(str(error), 200)
         raise UserError(
-            f"{path} is not a file of save_graft ({type(error).__name__}: {said}): save the graft again"
+            f"{path} is not a file of save_graft ({type(error).__name__}: {reason}): save the graft again"
         ) from error
 
 
-def _joint(said: Any) -> Joint:
-    """The joint that a header describes.
+def _joint(values: Any) -> Joint:
+    """Read the joint from a header.
 
     Raises:
-        ValueError: it describes none.
+        ValueError: the header is invalid.
     """
-    joint = Joint(**said)
-    words = isinstance(joint.at, str) and isinstance(joint.points, int | str)
+    joint = Joint(**values)
+    names = isinstance(joint.at, str) and isinstance(joint.points, int | str)
     layouts = joint.layout in get_args(Layout) and joint.points_layout in get_args(PointsLayout)
     numbers = all(isinstance(number, int) and 0 < number <= WIDEST for number in (joint.width, joint.channels))
-    if not (words and layouts and numbers):
-        raise ValueError("its joint is none")
+    if not (names and layouts and numbers):
+        raise ValueError("its joint is invalid")
     return joint

@@ -1,7 +1,7 @@
-"""A foreign network and its tactile parts: one module, called as the network is.
+"""A foreign network and its tactile parts as one module, which is called like the network.
 
-The foreign code stays as it is. While a graft calls the network, a hook on the layer puts the fused features in
-the place of the visual ones; without touches there is no hook, and the network is called as if it were alone.
+The foreign code is not changed. During a call of the graft a forward hook replaces the output of one layer by the fused
+features. Without touches there is no hook.
 """
 
 import threading
@@ -18,11 +18,11 @@ from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
 FAR = 10.0
-"""Radii of a cloud: touches whose centres all lie further from its centre are in another frame or unit."""
+"""Largest distance of the nearest touch from the centre of a cloud, in radii. Farther touches are in another frame."""
 
 
 class Grafted(nn.Module):
-    """A network that hears touch at one of its layers; without touches, bit for bit the network alone."""
+    """A network with touch at one of its layers. Without touches its output is that of the network, bit for bit."""
 
     def __init__(
         self,
@@ -40,39 +40,42 @@ class Grafted(nn.Module):
         self.specs = specs
 
     def forward(self, *args: Any, touches: Tensor | None = None, mask: Tensor | None = None, **kwargs: Any) -> Any:
-        """What the network gives, with the touches heard at the joint.
+        """Run the network, with touches fused into the output of the grafted layer.
 
         Args:
-            *args: the network's own, handed through.
-            touches: (b a m 3), in the frame and unit of the points; none by default.
-            mask: (b a), False where a row holds fewer than `a` touches; all True by default.
-            **kwargs: the network's own, handed through.
+            *args: positional arguments of the network.
+            touches: touched points, (b a m 3), in the frame and unit of the points; none by default.
+            mask: which touches are present, (b a); all by default.
+            **kwargs: keyword arguments of the network.
+
+        Returns:
+            The output of the network.
 
         Raises:
-            UserError: touches of another shape, type, frame or unit than the points, or a layer that did not give
-                one feature for each point, once.
+            UserError: the touches differ in shape, type, frame or unit from the points, or the layer did not give one
+                feature for each point, once.
         """
         if touches is None:
             if mask is not None:
                 raise UserError(
-                    "mask says which touches there are, but there are no touches: leave it out; an argument of the "
-                    "network's own that is called mask goes by its position"
+                    "a mask is given, but there are no touches: leave it out; pass an argument of the network that "
+                    "is called mask by its position"
                 )
             return self.network(*args, **kwargs)
         points = visual_points(self.joint, args, kwargs)
         _check_touches(points, touches, mask)
         batch = TouchBatch.of(touches, mask)
-        exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
+        exporting = torch.compiler.is_exporting()  # the values of tensors are then unknown
         if touches.shape[1] == 0 or not (exporting or batch.mask.any()):
             return self.network(*args, **kwargs)
         if not exporting:
             _check_frame(points, batch)
-        if isinstance(self.network, Grafted):  # a second joint: both hear the same touches
+        if isinstance(self.network, Grafted):  # both grafts get the same touches
             kwargs |= {"touches": touches, "mask": batch.mask}
         return self._fused(points, batch, args, kwargs)
 
     def tactile_parameters(self) -> Iterator[nn.Parameter]:
-        """The parameters that the foreign network does not have: those of the fusion and the touch encoder."""
+        """Parameters that the foreign network does not have: those of the fusion and the touch encoder."""
         foreign: nn.Module = self.network
         while isinstance(foreign, Grafted):
             foreign = foreign.network
@@ -80,22 +83,22 @@ class Grafted(nn.Module):
         return (parameter for parameter in self.parameters() if id(parameter) not in theirs)
 
     def _fused(self, points: Points, touches: TouchBatch, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        """Call the network with the hook in place, and take it away again whatever happens."""
+        """Call the network with a hook on the grafted layer, and remove the hook in any case."""
         at, layout = self.joint.at, self.joint.layout
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
         calls = 0
 
         def hook(_layer: nn.Module, _args: Any, output: Any) -> Tensor | None:
             nonlocal calls
-            if threading.get_ident() != caller:  # replicas on several devices share the hooks of a layer
+            if threading.get_ident() != caller:  # replicas on several devices share a layer's hooks
                 return None
             calls += 1
             if calls > 1:
                 raise UserError(f"layer '{at}' was called again within one pass: graft at a layer that is called once")
             if learning and not torch.is_grad_enabled() and any(p.requires_grad for p in self.tactile_parameters()):
                 raise UserError(
-                    f"layer '{at}' runs without gradients, so its graft would learn nothing: graft at a layer outside "
-                    f"of torch.no_grad() and of checkpointed blocks, or call the graft under torch.no_grad()"
+                    f"layer '{at}' runs without gradients, so that the tactile parts cannot be trained: graft at "
+                    f"a layer outside of torch.no_grad() and checkpointed blocks, or call the graft under torch.no_grad()"
                 )
             check_output(self.joint, output, points)
             features = to_bnc(output, layout)
@@ -111,7 +114,7 @@ class Grafted(nn.Module):
             handle.remove()
         if not calls:
             raise UserError(
-                f"layer '{at}' was not called in this pass, so the touches were not heard: graft at a layer that "
+                f"layer '{at}' was not called in this pass, so the touches had no effect: graft at a layer that "
                 f"every pass goes through"
             )
         return result
@@ -138,7 +141,7 @@ def _check_touches(points: Points, touches: Tensor, mask: Tensor | None) -> None
 
 
 def _check_frame(points: Points, touches: TouchBatch) -> None:
-    """Refuse rows whose touches are all far away, or not finite: in another unit or frame than the points."""
+    """Refuse rows whose touches are all far away or not finite: they are in another unit or frame than the points."""
     cloud = points.detach().float()
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)

@@ -1,4 +1,4 @@
-"""The tactile parts of a graft: built from their names for the width of a layer, and tried once."""
+"""The tactile parts of a graft: built for the width of a layer, and run once."""
 
 import json
 from collections.abc import Mapping
@@ -24,10 +24,10 @@ def build_parts(
     touch_encoder: str | Mapping[str, Any] | Encoder | None,
     registry: Registry,
 ) -> tuple[Fusion, Encoder | None, dict[str, Any]]:
-    """Fusion and touch encoder for a layer of `width` channels, and what to write in a file to build them again."""
+    """Build fusion and touch encoder for a layer of `width` channels; returns them and their options."""
     if touch_encoder == "default":
         quarter = max(8, width // 4)
-        touch_encoder = {"use": "unet", "channels": quarter + quarter % 2}  # a unet halves its channels at the entrance
+        touch_encoder = {"use": "unet", "channels": quarter + quarter % 2}  # a unet needs an even number of channels
     encoder, encoder_spec = None, None
     if touch_encoder is not None:
         encoder, encoder_spec = build_part("encoder", touch_encoder, Widths(), registry)
@@ -36,14 +36,14 @@ def build_parts(
     if not built.uses_touch_features or type(built).join is not Fusion.join:
         raise UserError(
             f"fusion '{fusion_spec['use'] if isinstance(fusion_spec, dict) else type(built).__name__}' joins touched "
-            f"points to the cloud, and a graft cannot tell which outputs of the network to thin afterwards: take a "
+            f"points to the cloud, and a graft does not know which outputs of the network to thin afterwards: take a "
             f"fusion of features, or join them yourself: network(torch.cat([points, touches.flatten(1, 2)], 1))"
         )
     return built, encoder, {"fusion": fusion_spec, "touch_encoder": encoder_spec}
 
 
 def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tuple[Any, Any]:
-    """A part and what to write in a file to build it again: its name and all its options."""
+    """Build a part; returns it and its name with all its options, or "instance"."""
     contract = {"encoder": Encoder, "fusion": Fusion}[kind]
     if isinstance(given, contract):
         return given, "instance"
@@ -60,7 +60,7 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     try:
         checked = model.model_validate_json(json.dumps(written))
     except TypeError as error:
-        raise UserError(f"{kind} '{name}': options are what JSON can write, but {error}") from error
+        raise UserError(f"{kind} '{name}': JSON cannot represent its options: {error}") from error
     except ValidationError as error:
         mistakes = [_mistake(f"{kind} '{name}'", one, model.model_fields) for one in error.errors()]
         raise UserError("; ".join(mistakes)) from error
@@ -73,7 +73,7 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
 
 
 def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> str:
-    """One of pydantic's errors as a recipe would say it."""
+    """Describe one of pydantic's errors in the words of a recipe."""
     key = ".".join(map(str, error["loc"]))
     if error["type"] == "extra_forbidden":
         return f"{owner} takes no '{key}': {did_you_mean(key, known)}"
@@ -83,7 +83,7 @@ def _mistake(owner: str, error: Mapping[str, Any], known: Mapping[str, Any]) -> 
 
 
 def try_parts(grafted: Grafted, like: Tensor) -> None:
-    """Fuse something once, so that parts of other widths are found out here and not in training."""
+    """Run the parts once, so that wrong widths are reported here and not in training."""
     random = torch.Generator().manual_seed(0)
     cloud = torch.rand(1, 64, 3, generator=random).to(like)
     features = torch.rand(1, 64, grafted.joint.width, generator=random).to(like)
@@ -91,7 +91,7 @@ def try_parts(grafted: Grafted, like: Tensor) -> None:
         try:
             fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, TouchBatch.of(cloud[:, None]))
             reason = f"it gives {tuple(fused.shape)} for {tuple(features.shape)}"
-        except Exception as error:  # an instance of other widths fails in whatever way its layers do
+        except Exception as error:  # a layer of a wrong width may raise any error
             fused, reason = None, f"{type(error).__name__}: {one_line(error)}"
     if fused is None or fused.shape != features.shape:
         raise UserError(

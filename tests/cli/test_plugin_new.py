@@ -102,7 +102,7 @@ def test_a_bad_name_is_refused(new, name, tmp_path):
         ("none", "its module none or class None means something else"),
         ("class", "its module class or class Class means something else"),
         ("fusion", "its module fusion or class Fusion means something else"),
-        ("touches", "its module touches or class TouchBatch means something else"),
+        ("touch-batch", "its module touch_batch or class TouchBatch means something else"),
         ("torch", "pip would put it in the place of torch, which is installed"),
         ("json", f"it would hide the module json in {json.__file__}"),
     ],

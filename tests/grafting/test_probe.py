@@ -59,13 +59,13 @@ def test_a_network_that_draws_at_random_is_probed_without_a_trace():
         ("never", "layer 'never' is called 0 times"),
         ("again", "layer 'again' is called 3 times"),
         ("pair", "layer 'pair' gives a tuple, not a tensor"),
-        ("sampled", r"gives \(2, 128, 8\) for 256 points and \(2, 256, 8\) for 512: .*as behind a sampling"),
-        ("merged", r"gives \(1, 512, 8\) for 256 points and \(1, 1024, 8\) for 512: not as many points"),
+        ("sampled", r"gives \(2, 128, 8\) for 256 points and \(2, 256, 8\) for 512: .*as after a sampling"),
+        ("merged", r"gives \(1, 512, 8\) for 256 points and \(1, 1024, 8\) for 512: another number of points"),
         ("pooled", r"gives \(2, 8\) for 256 points and \(2, 8\) for 512: not one feature for each point"),
         ("flat", r"gives \(512, 8\) for 256 points and \(1024, 8\) for 512: not one feature for each point"),
         ("edges", r"gives \(2, 8, 256, 4\) .*: not one feature for each point"),
-        ("square", r"gives \(2, 256, 256\) .*: its width cannot be told"),
-        ("growing", r"gives \(2, 256, 2048\) .*: its width cannot be told"),
+        ("square", r"gives \(2, 256, 256\) .*: its layout is ambiguous"),
+        ("growing", r"gives \(2, 256, 2048\) .*: its layout is ambiguous"),
     ],
 )
 def test_a_layer_that_does_not_give_a_feature_for_each_point_is_refused(at, message):

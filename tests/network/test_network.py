@@ -155,7 +155,7 @@ def test_a_seed_gives_its_weights_and_leaves_the_random_state_alone():
 
 
 def test_a_touch_encoder_that_nobody_hears_is_refused():
-    with pytest.raises(UserError, match=r"'none' hears no touch features.*remove it"):
+    with pytest.raises(UserError, match=r"'none' uses no touch features.*remove it"):
         network("model.fusion=none")
 
 

@@ -279,7 +279,7 @@ BROKEN = [
     ("gradcheck", WrongBackward, r"by differences by network\."),
     ("deterministic", Unseeded, "in eval mode the same input gives results"),
     ("weights", PlainTensor, "with its weights another instance gives"),
-    ("touches", OneTooFew, "3 touches were asked for"),
+    ("touches", OneTooFew, "3 touches were requested"),
     ("touches", AtTheOrigin, "touch 0 lies .* radii off the surface of 'egg'"),
     ("touches", InMetres, "touch 0 lies .* radii off the surface of 'egg'"),
     ("touches", Nothing, r"have the shape \(0, 3\)"),
