@@ -1,4 +1,4 @@
-"""A network as a file for others: weights, or an ONNX graph, which runs without pcsr and without torch."""
+"""Export of a network: as a file of weights, or as an ONNX graph, which runs without pcsr and torch."""
 
 import copy
 import json
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from pcsr.model import Model
 
 USER = "exporting a graph"
-"""What needs the extra `[onnx]`, in a message to who hasn't got it."""
+"""What needs the extra `[onnx]`, in a message."""
 FRAME = "centred on the mean of the points, the farthest of them at distance 1; the same for the touches"
-TALKERS = ("torch.onnx", "onnxscript", "onnx_ir")
-"""Loggers of the exporter, which tell its authors things."""
+LOGGERS = ("torch.onnx", "onnxscript", "onnx_ir")
+"""Loggers of the exporter, which are silenced."""
 
 
 def export_weights(model: "Model", path: str | Path, *, half: bool = False) -> None:
-    """Write the weights of a model with their card, to be shipped or put on a hub.
+    """Write the weights of a model with their card, to be distributed.
 
     Args:
-        model: what `pcsr.load` gives.
+        model: result of `pcsr.load`.
         path: the file; it is written whole or not at all.
-        half: in half precision, in half the space. `pcsr.load` makes single precision of it again.
+        half: write half precision, in half the space. `pcsr.load` converts it to single precision.
 
     Raises:
         UserError: there is no network, the path is a folder, or a weight is too large for half precision.
@@ -65,18 +65,18 @@ def export_onnx(
     batch's are fixed. The file's metadata holds the recipe and the card of the weights.
 
     Args:
-        model: what `pcsr.load` gives; it stays as it is.
+        model: result of `pcsr.load`; it is not changed.
         path: the file; it is written whole or not at all.
-        points: n, points of a cloud; as in training by default.
-        touches: a, touches of each cloud.
-        touch_points: m, points of each touch; as in training by default.
-        batch: clouds in a batch; any number of them by default.
+        points: n, number of points of a cloud; as in training by default.
+        touches: a, number of touches of each cloud.
+        touch_points: m, number of points of each touch; as in training by default.
+        batch: number of clouds in a batch; any number by default.
 
     Returns:
-        The shape of each input, and last of the output; "b" stands for any size.
+        Shapes of the inputs and, last, of the output; "b" stands for any size.
 
     Raises:
-        UserError: the extra `[onnx]` is not installed, there is no network, an impossible number, or a network that
+        UserError: the extra `[onnx]` is not installed, there is no network, an invalid number, or a network that
             cannot be exported; the message says why.
     """
     require(dict.fromkeys(("onnx", "onnxscript"), USER))
@@ -104,7 +104,7 @@ def export_onnx(
 
 
 def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Recipe]:
-    """The network of a model and its recipe, if they can be written to that path."""
+    """Network and recipe of a model, if they can be written to a path."""
     if model.network is None or model.recipe is None:
         raise UserError(f"model '{model.name}' is no network, so there is nothing to export: name weights")
     if path.is_dir():
@@ -115,7 +115,7 @@ def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Reci
 def _check(
     name: str, fusion: Fusion, most_touches: int, points: int, touches: int, touch_points: int, batch: int | None
 ) -> None:
-    """Refuse numbers that no graph can have, or that this network cannot."""
+    """Refuse sizes that no graph can have, or not one of this network."""
     numbers = {"points": points, "touch_points": touch_points, "batch": 1 if batch is None else batch}
     for what, number in numbers.items():
         if number < 1:
@@ -134,7 +134,7 @@ def _write(part: Path, content: bytes) -> None:
 
 
 class _Fixed(nn.Module):
-    """A copy of a network on the CPU at its own rate, which is no tensor and so no input of a graph."""
+    """A copy of a network on the CPU with a fixed rate, since inputs of a graph are tensors."""
 
     def __init__(self, network: Network, recipe: Recipe) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ def _graph(name: str, network: nn.Module, example: tuple[Tensor, ...], *, fixed:
     """The graph as an `onnx.ModelProto`.
 
     Raises:
-        UserError: the extra is missing, or the exporter cannot do it.
+        UserError: the extra is missing, or the exporter fails.
     """
     translations = _translations()
     size = torch.export.Dim("batch", min=1)
@@ -166,7 +166,7 @@ def _graph(name: str, network: nn.Module, example: tuple[Tensor, ...], *, fixed:
                 dynamic_shapes=None if fixed else tuple({0: size} for _ in example),
                 custom_translation_table=translations,
             )
-    except Exception as error:  # whatever a part and the exporter may say
+    except Exception as error:  # parts and the exporter may raise any error
         first = _first(error)
         if isinstance(first, UserError):
             raise first from error
@@ -175,14 +175,14 @@ def _graph(name: str, network: nn.Module, example: tuple[Tensor, ...], *, fixed:
     if program is None:
         raise UserError(f"the network of '{name}' cannot be written as ONNX by torch {torch.__version__}: update it")
     graph = program.model_proto
-    # Where a part wants one size of batch, the exporter takes the example's, and says nothing.
+    # If a part needs a fixed size of the batch, the exporter silently takes the example's.
     if not fixed and not all(given.type.tensor_type.shape.dim[0].dim_param for given in graph.graph.input):
         raise UserError(f"the network of '{name}' takes no batches of any size: fix it (batch=1, or --batch 1)")
     return graph
 
 
 def _first(error: BaseException) -> BaseException:
-    """The error that all others came of."""
+    """The first cause of an error."""
     while error.__cause__ is not None:
         error = error.__cause__
     return error
@@ -190,7 +190,7 @@ def _first(error: BaseException) -> BaseException:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    loggers = [logging.getLogger(name) for name in TALKERS]
+    loggers = [logging.getLogger(name) for name in LOGGERS]
     levels = [logger.level for logger in loggers]
     try:
         for logger in loggers:
@@ -204,7 +204,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _translations() -> dict[Callable[..., Any], Callable[..., Any]]:
-    """What torch's exporter lacks, in ONNX's operators.
+    """Operators of torch that its exporter lacks, in operators of ONNX.
 
     Raises:
         UserError: the extra `[onnx]` is not installed.
@@ -212,23 +212,23 @@ def _translations() -> dict[Callable[..., Any], Callable[..., Any]]:
     op = imported("onnxscript", USER).opset18
 
     def sort(values: Any, stable: bool = False, dim: int = -1, descending: bool = False) -> Any:  # noqa: ARG001
-        # TopK puts the lower index first among equals, which makes it a stable sort.
+        # TopK is stable: among equals the lower index comes first.
         count = op.Gather(op.Shape(values), op.Constant(value_ints=[dim]))
         return op.TopK(values, count, axis=dim, largest=int(descending), sorted=1)
 
     def cdist(one: Any, other: Any, p: float = 2.0, mode: int | None = None) -> Any:  # noqa: ARG001
         if p != 2:
             raise UserError(f"distances of order {p:g} are not translated to ONNX: use order 2")
-        ways = op.Sub(
+        offsets = op.Sub(
             op.Unsqueeze(one, op.Constant(value_ints=[-2])), op.Unsqueeze(other, op.Constant(value_ints=[-3]))
         )
-        return op.ReduceL2(ways, op.Constant(value_ints=[-1]), keepdims=0)
+        return op.ReduceL2(offsets, op.Constant(value_ints=[-1]), keepdims=0)
 
     return {torch.ops.aten.sort.stable: sort, torch.ops.aten._cdist_forward.default: cdist}
 
 
 def _clean(graph: Any, about: dict[str, str]) -> Any:
-    """The graph with metadata of ours, without the exporter's, which names the files of this machine."""
+    """Replace the metadata of a graph, since the exporter's contains paths of this machine."""
     inner = graph.graph
     for thing in (inner, *inner.node, *inner.value_info, *inner.input, *inner.output, *inner.initializer):
         del thing.metadata_props[:]

@@ -98,7 +98,7 @@ class Grafted(nn.Module):
             if learning and not torch.is_grad_enabled() and any(p.requires_grad for p in self.tactile_parameters()):
                 raise UserError(
                     f"layer '{at}' runs without gradients, so that the tactile parts cannot be trained: graft at "
-                    f"a layer outside of torch.no_grad() and checkpointed blocks, or call the graft under torch.no_grad()"
+                    f"a layer outside of torch.no_grad() and checkpointed blocks, or call it under torch.no_grad()"
                 )
             check_output(self.joint, output, points)
             features = to_bnc(output, layout)

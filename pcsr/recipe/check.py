@@ -225,7 +225,7 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
         found += _of_patches(source, recipe)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
-        text = f"fusion '{fusion}' hears no touch features, so a touch_encoder would idle: remove it"
+        text = f"fusion '{fusion}' uses no touch features, so a touch_encoder would have no effect: remove it"
         found.append(Mistake(source.place(("model", "touch_encoder")), text))
     return found
 

@@ -121,7 +121,7 @@ def test_a_touch_encoder_that_nobody_hears(write, registry):
         model: {encoder: net, touch_encoder: net, fusion: deaf, backbone: refine, upsampler: dense}
     """)
     assert lines(path, registry) == [
-        "recipe.yaml:2:38: fusion 'deaf' hears no touch features, so a touch_encoder would idle: remove it"
+        "recipe.yaml:2:38: fusion 'deaf' uses no touch features, so a touch_encoder would have no effect: remove it"
     ]
 
 
