@@ -1,4 +1,4 @@
-"""`metrics.jsonl` of a run: a line a step, and one for each validation."""
+"""The file `metrics.jsonl` of a run: a line of JSON for each step and each validation."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ from pcsr.files import write_text
 
 
 class History:
-    """The lines, which only grow, but for those after a checkpoint that training goes on from."""
+    """The lines of the file. Lines are only appended, except that resuming from a checkpoint removes later ones."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -18,7 +18,7 @@ class History:
         """Append a line.
 
         Raises:
-            RunError: the disk is full, or the file must not be written.
+            RunError: the disk is full, or the file cannot be written.
         """
         try:
             with self.path.open("a", encoding="utf-8") as file:
@@ -27,7 +27,7 @@ class History:
             raise RunError(f"{self.path} could not be written: {error.strerror}; free some space, run again") from error
 
     def cut(self, step: int) -> None:
-        """Forget what came after a step, since training goes on from there; a torn last line goes too."""
+        """Remove the lines after a step, from which training is resumed, and an incomplete last line."""
         if not self.path.exists():
             return
         kept = []
