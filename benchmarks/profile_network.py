@@ -7,6 +7,7 @@ import torch
 from torch.profiler import ProfilerActivity, profile
 
 import pcsr
+from pcsr import TouchBatch
 
 BATCH, POINTS, RATE, TOUCHES = 8, 512, 16, 4
 
@@ -18,10 +19,10 @@ def main():
 
     def inference():
         with torch.inference_mode():
-            network(points[:1], RATE, touches[:1])
+            network(points[:1], RATE, TouchBatch.of(touches[:1]))
 
     def step():
-        network(points, RATE, touches).mean().backward()
+        network(points, RATE, TouchBatch.of(touches)).mean().backward()
 
     for name, run in (("inference", inference), ("training step", step)):
         run()

@@ -13,6 +13,7 @@ from torch.nn import functional as F
 from torch.utils.flop_counter import FlopCounterMode
 
 import pcsr
+from pcsr import TouchBatch
 from pcsr.metrics import chamfer
 from pcsr_plugins.backbones.pu_transformer import ShiftedChannelAttention
 from tests.plugins.plain import plain
@@ -43,7 +44,7 @@ def inference(network, clouds, precision=torch.float32):
     @torch.inference_mode()
     def run():
         with torch.autocast("cpu", torch.bfloat16, enabled=precision == torch.bfloat16):
-            return network(points, RATE, touches)
+            return network(points, RATE, TouchBatch.of(touches))
 
     return run
 
@@ -55,7 +56,7 @@ def step(network, clouds, precision=torch.float32):
 
     def run():
         with torch.autocast("cpu", torch.bfloat16, enabled=precision == torch.bfloat16):
-            dense = network(points, RATE, touches)
+            dense = network(points, RATE, TouchBatch.of(touches))
         optimizer.zero_grad()
         (dense.float() * truth).mean().backward()
         optimizer.step()

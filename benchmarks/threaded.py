@@ -41,7 +41,7 @@ def inference() -> Callable[[], object]:
     """TAPSR on ten clouds of 512 points with four touches, as validation and evaluation do it."""
     from training import recipe, split
 
-    from pcsr.experiments.train import validate
+    from pcsr.experiments.recorder import validate
 
     network, clouds = pcsr.load("tapsr").network, split(10)
     return lambda: validate(network, clouds, recipe())

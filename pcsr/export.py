@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pcsr import __version__
-from pcsr.contracts import Fusion
+from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.files import write_whole
@@ -83,7 +83,7 @@ def export_onnx(
         Shapes of the inputs and, as last item, of the output, by name; "b" stands for any size.
 
     Raises:
-        UserError: the extra `[onnx]` is not installed, there is no network, an impossible number, or a network that
+        UserError: the extra `[onnx]` is not installed, there is no network, an invalid number, or a network that
             cannot be exported; the message says why.
 
     Examples:
@@ -165,7 +165,7 @@ class _Fixed(nn.Module):
         self.rate = recipe.network_rate
 
     def forward(self, points: Tensor, touches: Tensor | None = None) -> Tensor:
-        dense: Tensor = self.network(points, self.rate, touches)
+        dense: Tensor = self.network(points, self.rate, None if touches is None else TouchBatch.of(touches))
         return dense
 
 

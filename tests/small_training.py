@@ -8,7 +8,8 @@ import torch
 from lightning_fabric import Fabric
 
 from pcsr.data.dataset import Split
-from pcsr.experiments.train import Progress, train
+from pcsr.experiments.recorder import Progress
+from pcsr.experiments.train import train
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins

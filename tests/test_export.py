@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 import pcsr.cli
 from pcsr.cli.export import export
-from pcsr.contracts import Upsampler
+from pcsr.contracts import TouchBatch, Upsampler
 from pcsr.errors import UserError
 from pcsr.export import export_onnx
 from pcsr.geometry.neighbours import knn, neighbour_max
@@ -71,7 +71,7 @@ def test_onnxruntime_gives_what_torch_gives(exported, shipped, batch):
     path, touches, _ = exported
     inputs = clouds(batch, touches)
     with torch.inference_mode():
-        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *inputs[1:])
+        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *map(TouchBatch.of, inputs[1:]))
     dense = run(path, *inputs)
     assert dense.shape == (batch, shipped.recipe.data.rate * N, 3)
     np.testing.assert_allclose(dense, expected, atol=1e-4)
@@ -83,7 +83,7 @@ def test_points_that_coincide_give_the_same_set(exported, shipped):
     inputs = [tensor.clone() for tensor in clouds(1, touches)]
     inputs[0][:, 1::2] = inputs[0][:, ::2]  # which of two equal points is the nearer, nobody can say
     with torch.inference_mode():
-        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *inputs[1:])[0]
+        expected = shipped.network(inputs[0], shipped.recipe.data.rate, *map(TouchBatch.of, inputs[1:]))[0]
     dense = run(path, *inputs)[0]
     assert cKDTree(expected).query(dense)[0].max() < 1e-4
     assert cKDTree(dense).query(expected)[0].max() < 1e-4

@@ -138,7 +138,7 @@ class Spy(Network):
         self.weight = nn.Parameter(torch.zeros(1))
         self.seen = []
 
-    def candidates(self, points, rate, touches=None, mask=None):
+    def candidates(self, points, rate, touches=None):
         self.seen.append(torch.get_num_threads())
         generator = torch.Generator().manual_seed(0)
         return points.repeat(1, rate, 1) + 0.05 * torch.randn(1, rate * points.shape[1], 3, generator=generator)

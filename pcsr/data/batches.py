@@ -1,7 +1,7 @@
-"""Batches for training: which objects, which of their touches, and how they are augmented (TAPSR, Sec. 4.2.2).
+"""Batches for training: objects, their touches, and augmentation (TAPSR, Sec. 4.2.2).
 
-Everything random follows from the seed, the step and the place in the batch. So a run that stops and goes on, or
-that is spread over several processes, sees the same numbers as one that does neither.
+The random numbers of a row are determined by the seed, the step and the position in the batch. A run that is resumed,
+or distributed over several processes, thus gets the same batches as one that is not.
 """
 
 from collections.abc import Sequence
@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from pcsr.contracts import TouchBatch
 from pcsr.data.dataset import Split
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
@@ -19,29 +20,30 @@ from pcsr.geometry.patches import in_patch
 from pcsr.recipe import Patches
 
 EVEN = 0.5
-"""Share of the redrawn clouds that are evenly spaced, more or less:"""
+"""Share of the redrawn clouds that are evenly spaced, with the augmentation `even`."""
 POOLS = (2, 4, 8, 16)
-"""farthest points of this many times as many random ones. Of all 16 times as many points of a truth is what most
-publications call even; of fewer is what scanners give, and takes a fraction of the time."""
+"""Evenly spaced clouds are the farthest points of a random pool that is this many times as large. Publications mostly
+use the largest pool; smaller ones resemble scans and take less time."""
 CROPPED = 0.25
-"""Share of the batches that are cropped, if any are."""
+"""Share of the batches that are cropped, with the augmentation `crop`."""
 TOUCHED = 0.5
-"""Share of the patches whose middle is that of a touch, where there is one."""
+"""Share of the patches that are centred on a touch, among objects with touches."""
 SCALE = (0.8, 1.2)
-"""Random scaling, as in PU-GAN and those after it."""
+"""Range of the random scale, as in PU-GAN and later work."""
 JITTER = 0.002
-"""Standard deviation of the noise on the sparse cloud, in radii of the unit sphere, cut off at three of them."""
+"""Standard deviation of the noise on the sparse cloud, in radii of the unit sphere; it is cut off at three of them."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Clouds in the network's frame: the sparse cloud fills the unit sphere, before augmentation."""
+    """Clouds and touches in the network's frame: before augmentation the sparse cloud fills the unit sphere."""
 
     points: Float[Tensor, "b n 3"]
-    touches: Float[Tensor, "b a m 3"]
-    mask: Bool[Tensor, "b a"]
-    """Which touches are there: all of them, if it isn't a patch."""
+    """Sparse clouds."""
     truth: Float[Tensor, "b g 3"]
+    """True dense clouds."""
+    touches: TouchBatch
+    """Touches of the clouds. Without patches all of them are present."""
 
 
 @dataclass(frozen=True)
@@ -51,80 +53,82 @@ class Batches:
     split: Split
     size: int
     touches: tuple[int, int]
-    """Fewest and most touches; each batch draws its own number."""
+    """Smallest and largest number of touches of a cloud. Each batch draws its own number."""
     augment: Sequence[str]
-    """`redraw` draws the sparse cloud anew from the truth, at random or, with `even`, half of the time evenly; `crop`
-    takes half of an object now and then, without touches, as a part of a scan, so that surfaces end somewhere."""
+    """Names of augmentations. `redraw` samples the sparse cloud again from the truth; with `even`, half of the samples
+    are evenly spaced. `crop` replaces some batches by halves of objects without touches, so that surfaces have borders
+    as in a scan. `rotate`, `scale` and `jitter` transform the clouds."""
     seed: int
     patches: Patches | None = None
-    """With them a row is one patch of an object, and its sparse cloud is always drawn from the truth."""
+    """Size of patches. With patches a row is one patch of an object, and its sparse cloud is sampled from the truth."""
 
     @property
     def per_epoch(self) -> int:
-        """Batches in an epoch; objects that don't fill one wait for another epoch's order."""
+        """Number of batches in an epoch. Objects that do not fill a batch are left out of the epoch."""
         return max(1, len(self.split) // self.size)
 
     def at(self, step: int, rank: int = 0, ranks: int = 1) -> Batch:
-        """The share of process `rank` in batch number `step`."""
-        epoch, place = divmod(step, self.per_epoch)
+        """Return the share of process `rank` in batch number `step`."""
+        epoch, index = divmod(step, self.per_epoch)
         order = np.random.default_rng((self.seed, epoch)).permutation(len(self.split))
-        chosen = order[place * self.size : (place + 1) * self.size]
+        chosen = order[index * self.size : (index + 1) * self.size]
         low, high = self.touches
         count = int(np.random.default_rng((self.seed, step, 1)).integers(low, high + 1))
         crop = "crop" in self.augment and not self.patches
         crop = crop and np.random.default_rng((self.seed, step, 3)).random() < CROPPED
-        count = 0 if crop else count  # a touch may lie on the half that is gone
+        count = 0 if crop else count  # a touch may lie on the half that is removed
         share = [i for i in range(len(chosen)) if i * ranks // len(chosen) == rank]
         rows = [self._row(int(chosen[i]), count, crop, np.random.default_rng((self.seed, step, 2, i))) for i in share]
-        return Batch(*(torch.stack(tensors) for tensors in zip(*rows, strict=True)))
+        points, truth, touched, mask = (torch.stack(tensors) for tensors in zip(*rows, strict=True))
+        return Batch(points, truth, TouchBatch.of(touched, mask))
 
     def _redrawn(
         self, truth: Float[np.ndarray, "g 3"], count: int, rng: np.random.Generator
     ) -> Int[np.ndarray, " count"]:
-        """Another sparse cloud of the truth. Networks that saw random ones alone do harm to even ones."""
+        """Sample a sparse cloud from the truth. Networks trained on random samples alone fail on even ones."""
         if "even" in self.augment and rng.random() < EVEN:
             pool = rng.permutation(len(truth))[: int(rng.choice(POOLS)) * count]
             even: Int[np.ndarray, " count"] = pool[farthest_points(truth[pool], count, int(rng.integers(len(pool))))]
             return even
         return rng.choice(len(truth), count, replace=False)
 
-    def _patch(self, patches: Patches, truth: Tensor, felt: Tensor, rng: np.random.Generator) -> Tensor:
-        """The points of the truth that are nearest to one of them; often one that was touched, or few would be."""
+    def _patch(self, patches: Patches, truth: Tensor, touched: Tensor, rng: np.random.Generator) -> Tensor:
+        """Cut the nearest points of the truth around a centre, which is often a touch: few have one by chance."""
         middle = truth[int(rng.integers(len(truth)))]
-        if len(felt) and rng.random() < TOUCHED:
-            middle = felt[int(rng.integers(len(felt)))].mean(0)
+        if len(touched) and rng.random() < TOUCHED:
+            middle = touched[int(rng.integers(len(touched)))].mean(0)
         away: Tensor = (truth - middle).norm(dim=1)
         return truth[away.topk(patches.points * patches.rate, largest=False).indices]
 
     def _cropped(self, truth: Tensor, points: Tensor, drawn: bool, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        """Half of the truth's points and half of the cloud's: on one side, if the cloud was drawn from the truth."""
+        """Keep half of the truth and half of the cloud: one side of both, if the cloud was sampled from the truth."""
         if not drawn:
             half = [rng.permutation(len(cloud))[: len(cloud) // 2] for cloud in (truth, points)]
             return truth[torch.from_numpy(half[0])], points[torch.from_numpy(half[1])]
         middle = truth[int(rng.integers(len(truth)))]
         away = [(cloud - middle).norm(dim=1) for cloud in (truth, points)]
-        near = [far.topk(len(far) // 2, largest=False).indices for far in away]
-        return truth[near[0]], points[near[1]]
+        kept = [far.topk(len(far) // 2, largest=False).indices for far in away]
+        return truth[kept[0]], points[kept[1]]
 
     def _row(
         self, item: int, count: int, crop: bool, rng: np.random.Generator
     ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
         points = self.split.points[item]
-        felt = self.split.touches[item]
+        touched = self.split.touches[item]
         drawn = _is_part(points, truth)
         if self.patches:
-            felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
-            truth = self._patch(self.patches, truth, felt, rng)
+            touched = touched[torch.from_numpy(rng.permutation(len(touched))[:count])]
+            truth = self._patch(self.patches, truth, touched, rng)
             points = truth[torch.from_numpy(self._redrawn(truth.numpy(), self.patches.points, rng))]
         else:
             if crop:
                 truth, points = self._cropped(truth, points, drawn, rng)
             if "redraw" in self.augment and drawn:
                 points = truth[torch.from_numpy(self._redrawn(truth.numpy(), len(points), rng))]
-            felt = felt[torch.from_numpy(rng.permutation(len(felt))[:count])]
+            touched = touched[torch.from_numpy(rng.permutation(len(touched))[:count])]
         sphere = UnitSphere.fit(points.numpy())
-        clouds = [torch.from_numpy(sphere.normalize(cloud.numpy())) for cloud in (points, felt, truth)]
+        clouds = [torch.from_numpy(sphere.normalize(cloud.numpy())) for cloud in (points, touched, truth)]
         mask = in_patch(clouds[1]) if self.patches else torch.ones(count, dtype=torch.bool)
         if "rotate" in self.augment:
             turn = torch.from_numpy(_rotation(rng))
@@ -132,20 +136,20 @@ class Batches:
         if "scale" in self.augment:
             factor = float(rng.uniform(*SCALE))
             clouds = [cloud * factor for cloud in clouds]
-        points, felt, truth = clouds
+        points, touched, truth = clouds
         if "jitter" in self.augment:
             noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
             points = points + torch.from_numpy(noise.astype(np.float32))
-        return points, felt, mask, truth
+        return points, truth, touched, mask
 
 
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:
-    """Whether a cloud was drawn from the truth. What a camera saw was not, and drawn anew it would be another's."""
+    """Whether a cloud was sampled from the truth. The view of a camera was not, and must not be sampled again."""
     return bool((truth == points[0]).all(1).any())
 
 
 def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
-    """A rotation drawn uniformly: the Q of a Gaussian matrix, signs fixed, without reflection."""
+    """Draw a rotation uniformly: the Q of a Gaussian matrix, signs fixed, without reflection."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q *= np.sign(np.diag(r))
     q[:, 0] *= np.sign(np.linalg.det(q))

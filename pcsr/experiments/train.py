@@ -1,59 +1,39 @@
-"""Training: batches, objective, Adam, a learning rate that falls in steps (TAPSR, Sec. 4.2.2).
+"""Training: batches, objective, Adam, and a learning rate that decays in steps (TAPSR, Sec. 4.2.2).
 
-On Lightning Fabric, so that several processes, nodes or GPUs and mixed precision go the same path as one CPU.
+Lightning Fabric runs it on one CPU as on several processes, nodes or GPUs, and in mixed precision.
 """
 
-import math
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import nn
 
-from pcsr.contracts import Objective
+from pcsr.contracts import Objective, TouchBatch
 from pcsr.data.batches import Batch, Batches
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
-from pcsr.errors import RunError, UserError
-from pcsr.experiments.history import History
-from pcsr.experiments.train_state import load_training, save_training
-from pcsr.metrics.chamfer import chamfer
+from pcsr.errors import UserError
+from pcsr.experiments.recorder import Progress, Recorder
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-from pcsr.run_files import HISTORY
 from pcsr.threads import thread_count, threads
-from pcsr.upsample import points_at_once, upsample_as
-from pcsr.weights.file import read_file
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-CHECKPOINT = "checkpoint.safetensors"
-WATCHED = 16
-"""Objects of the validation split that are measured on the way: enough to see where it goes."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a training run stands, after each step."""
-
-    step: int
-    steps: int
-    loss: float
-    seconds: float
-    """Since this process began to train; what went before a stop is not in it."""
-
 
 class _Training(nn.Module):
-    """Network and objective behind one forward, which is what a data-parallel wrapper hooks into."""
+    """Network and objective as one module, as a data-parallel wrapper needs them.
+
+    Its arguments are tensors, since Fabric converts no other arguments to the precision of the run.
+    """
 
     def __init__(self, network: Network, objective: Objective) -> None:
         super().__init__()
@@ -63,8 +43,7 @@ class _Training(nn.Module):
     def forward(
         self, points: torch.Tensor, truth: torch.Tensor, touches: torch.Tensor, mask: torch.Tensor, rate: int
     ) -> Any:
-        felt = (touches, mask) if touches.shape[1] else (None, None)
-        return self.objective.losses(self.network, points, truth, rate, *felt)
+        return self.objective.losses(self.network, points, truth, rate, TouchBatch.of(touches, mask))
 
 
 def train(
@@ -80,133 +59,98 @@ def train(
     loaders: int = LOADERS,
     data_fingerprint: str | None = None,
 ) -> Network:
-    """Train a recipe's network, from the last checkpoint in `run` if there is one of the same data.
+    """Train the network of a recipe, from the last checkpoint in `run` if there is one of the same data.
 
     Args:
         recipe: the resolved recipe.
-        registry: where its parts come from.
-        data: what to train on.
-        validation: some of it is measured ten times on the way.
-        run: takes the checkpoint and `metrics.jsonl`.
-        fabric: launched; says where to compute, with how many processes, in which precision.
+        registry: of the parts.
+        data: training split.
+        validation: validation split; some of it is measured ten times during training.
+        run: folder of the checkpoint and of `metrics.jsonl`.
+        fabric: launched; determines device, number of processes and precision.
         shown: called after each step.
         checkpoint_every: seconds between checkpoints.
-        loaders: processes that make batches, for a GPU.
-        data_fingerprint: of the data; a checkpoint of other data is left aside. None: any will do.
+        loaders: number of processes that make batches for a GPU.
+        data_fingerprint: of the data; a checkpoint of other data is ignored. None: a checkpoint of any data is resumed.
 
     Returns:
         The trained network in `eval` mode. The checkpoint stays in `run`.
 
     Raises:
-        KeyboardInterrupt: somebody stopped it; the checkpoint of that very step is written first.
+        KeyboardInterrupt: the process was interrupted; a checkpoint of the last step is written first.
         RunError: the loss is not finite.
+        UserError: the processes cannot share a batch equally.
+    """
+    batches = _batches(recipe, data, fabric.world_size)
+    model = _model(recipe, registry)
+    optimizer = _optimizer(recipe, model)
+    recorder = Recorder(
+        recipe,
+        model.network,
+        validation,
+        run,
+        per_epoch=batches.per_epoch,
+        data_fingerprint=data_fingerprint,
+        writes=fabric.is_global_zero,
+    )
+    share = batches.size // fabric.world_size * recipe.network_points
+    count = recorder.resume(model, optimizer, thread_count(share, model.network.parameter_count))
+    wrapped, optimizer = fabric.setup(model, optimizer)
+    with _stoppable() as stop, threads(count) as used:
+        recorder.start(model, optimizer, used)
+        ahead = 0 if fabric.device.type == "cpu" else loaders
+        steps = range(recorder.step, recorder.steps)
+        for batch in prepared(batches, steps, ahead, fabric.global_rank, fabric.world_size):
+            lr = learning_rate(recipe, recorder.step // batches.per_epoch)
+            losses = _step(wrapped, optimizer, fabric, batch, lr, recipe.network_rate)
+            progress = recorder.add(losses, lr)
+            if fabric.is_global_zero:
+                shown(progress)
+            if _any_process(stop.is_set(), fabric):
+                recorder.save()
+                raise KeyboardInterrupt
+            recorder.save(checkpoint_every)
+        recorder.save()
+    return model.network.eval()
+
+
+def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
+    """The batches of a training run.
+
+    Raises:
+        UserError: the processes cannot share a batch equally.
     """
     settings = recipe.train
-    if settings.batch % fabric.world_size:
+    if settings.batch % processes:
         raise UserError(
-            f"train.batch is {settings.batch}, which {fabric.world_size} processes cannot share equally: "
-            f"make it a multiple of {fabric.world_size}"
+            f"train.batch is {settings.batch}, which {processes} processes cannot share equally: make it a multiple of "
+            f"{processes}"
         )
-    # Drawn anew, a cloud that was seen from one side or spaced out would no longer be one.
-    anew = recipe.data.sampling in ("random", "mixed")
-    augment = [name for name in settings.augment if name != "redraw" or anew]
-    watched = validation.spread(min(WATCHED, len(validation)))
+    # A cloud that is redrawn from the truth is neither a view from one side nor evenly spaced.
+    redrawn = recipe.data.sampling in ("random", "mixed")
+    augment = [name for name in settings.augment if name != "redraw" or redrawn]
     size = min(settings.batch, len(data))
-    batches = Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
+    return Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
+
+
+def _model(recipe: Recipe, registry: Registry) -> _Training:
+    """Network and objective, with weights from the recipe's seed."""
     network = build(recipe, registry)
-    with torch.random.fork_rng(devices=[]):  # an objective may have weights that begin at random
+    with torch.random.fork_rng(devices=[]):  # an objective may have random initial weights
         torch.manual_seed(recipe.seed)
-        model = _Training(network, settings.objective.build(registry, "objective"))
-    optimizer = _optimizer(recipe, model)
-    checkpoint, history = run / CHECKPOINT, History(run / HISTORY)
-    step, before = 0, 0.0
-    count = thread_count(size // fabric.world_size * recipe.network_points, network.parameter_count)
-    if checkpoint.exists() and _is_of(checkpoint, data_fingerprint):
-        about = load_training(checkpoint, model, optimizer)
-        step, before = about["step"], about["seconds"]
-        # With another number of threads sums are rounded otherwise, on a machine with more cores for one.
-        count = about.get("threads", count)
-    history.cut(step)
-    wrapped, optimizer = fabric.setup(model, optimizer)
-    steps = settings.epochs * batches.per_epoch
-    every = max(1, settings.epochs // 10) * batches.per_epoch
-    start = saved = time.monotonic()
-
-    def save() -> None:
-        if fabric.is_global_zero:
-            seconds = before + time.monotonic() - start
-            about = {"step": step, "seconds": seconds, "threads": used, "data_fingerprint": data_fingerprint}
-            save_training(checkpoint, model, optimizer, about)
-
-    with _stoppable() as stop, threads(count) as used:
-        ahead = 0 if fabric.device.type == "cpu" else loaders
-        for batch in prepared(batches, range(step, steps), ahead, fabric.global_rank, fabric.world_size):
-            rate = learning_rate(recipe, step // batches.per_epoch)
-            losses = _step(wrapped, optimizer, fabric, batch, rate, recipe.network_rate)
-            step += 1
-            total = sum(losses.values())
-            if not math.isfinite(total):
-                raise RunError(
-                    f"the loss is {total} at step {step} of {steps} ({losses}): lower train.learning_rate, or "
-                    f"look into the parts; the checkpoint before it is kept in {checkpoint}"
-                )
-            seconds = time.monotonic() - start
-            if fabric.is_global_zero:
-                epoch = step // batches.per_epoch
-                history.add(
-                    {
-                        "step": step,
-                        "epoch": epoch,
-                        "loss": total,
-                        "losses": losses,
-                        "rate": rate,
-                        "seconds": round(before + seconds, 2),
-                        "threads": used,
-                    }
-                )
-                if step % every == 0 or step == steps:
-                    history.add(
-                        {
-                            "epoch": epoch,
-                            "step": step,
-                            "validation": {"cd": validate(network, watched, recipe)},
-                        }
-                    )
-                shown(Progress(step, steps, total, seconds))
-            if _anybody(stop.is_set(), fabric):
-                save()
-                raise KeyboardInterrupt
-            if time.monotonic() - saved > checkpoint_every:
-                save()
-                saved = time.monotonic()
-        save()
-    return network.eval()
+        return _Training(network, recipe.train.objective.build(registry, "objective"))
 
 
-def checkpoint_step(run: Path, data_fingerprint: str | None = None) -> int:
-    """Return the step from whose checkpoint in `run` training goes on; 0 without one of the same data."""
-    checkpoint = run / CHECKPOINT
-    if not checkpoint.exists() or not _is_of(checkpoint, data_fingerprint):
-        return 0
-    return int(read_file(checkpoint, tensors=False)[1]["step"])
-
-
-def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
-    """Whether a checkpoint is of these data; one that doesn't say is of the only data that its folder ever had."""
-    of = read_file(checkpoint, tensors=False)[1].get("data_fingerprint")
-    return of is None or data_fingerprint is None or of == data_fingerprint
-
-
-def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: float, upsampling: int) -> dict[str, float]:
-    """One step of all processes together; the losses are those of the whole batch."""
+def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float, rate: int) -> dict[str, float]:
+    """One optimiser step of all processes together; returns the losses of the whole batch."""
     for group in optimizer.param_groups:
-        group["lr"] = rate * group["lr_multiplier"]
-    clouds = (fabric.to_device(cloud) for cloud in (batch.points, batch.truth, batch.touches, batch.mask))
-    losses = model(*clouds, upsampling)
+        group["lr"] = lr * group["lr_multiplier"]
+    tensors = (batch.points, batch.truth, batch.touches.points, batch.touches.mask)
+    losses = model(*(fabric.to_device(tensor) for tensor in tensors), rate)
     optimizer.zero_grad()
     fabric.backward(sum(losses.values()))
     optimizer.step()
-    # One number each, averaged over processes: the mean of equal shares is the mean of the batch.
+    # The shares of the processes are equal, so that the mean of their means is the mean of the batch.
     means: dict[str, torch.Tensor] = {
         name: fabric.all_reduce(loss.detach(), reduce_op="mean")  # type: ignore[misc]
         for name, loss in losses.items()
@@ -215,24 +159,10 @@ def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, rate: floa
 
 
 def learning_rate(recipe: Recipe, epoch: int) -> float:
-    """The learning rate of an epoch: it falls by the factor `decay` every `decay_every` epochs."""
+    """Learning rate of an epoch: multiplied by `decay` every `decay_every` epochs."""
     settings = recipe.train
     every = settings.decay_every or max(1, settings.epochs // 10)
     return float(settings.learning_rate * settings.decay ** (epoch // every))
-
-
-@torch.no_grad()
-def validate(network: Network, split: Split, recipe: Recipe) -> float:
-    """Mean Chamfer distance over a split, with the recipe's number of touches, in the truth's unit sphere."""
-    network.eval()
-    values = []
-    with threads(thread_count(points_at_once(recipe), network.parameter_count)):
-        for i in range(len(split)):
-            touches = list(split.touches[i][: recipe.data.touches].numpy())
-            dense = upsample_as(recipe, network, split.points[i].numpy(), touches)
-            values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
-    network.train()
-    return sum(values) / len(values)
 
 
 def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
@@ -244,17 +174,17 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     return optimizer
 
 
-def _anybody(stopped: bool, fabric: "Fabric") -> bool:
-    """Whether any process was told to stop: all do, after the same step, or some would wait for the others."""
+def _any_process(stopped: bool, fabric: "Fabric") -> bool:
+    """Whether any process was interrupted. All stop after the same step; otherwise some would wait for the others."""
     if fabric.world_size == 1:
         return stopped
-    told = fabric.all_reduce(torch.tensor(float(stopped), device=fabric.device), reduce_op="sum")
-    return bool(told > 0)  # type: ignore[operator]
+    number = fabric.all_reduce(torch.tensor(float(stopped), device=fabric.device), reduce_op="sum")
+    return bool(number > 0)  # type: ignore[operator]
 
 
 @contextmanager
 def _stoppable() -> Iterator[threading.Event]:
-    """Ctrl-C or a polite kill sets the event; the step in hand ends first."""
+    """Set an event on SIGINT and SIGTERM instead of ending the process, so that a step is completed."""
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield stop

@@ -14,8 +14,9 @@ from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.finished_runs import EarlierWeights, of_other_code, of_recipe
+from pcsr.experiments.recorder import CHECKPOINT, checkpoint_step
 from pcsr.experiments.run_options import RunOptions, run_folder
-from pcsr.experiments.train import CHECKPOINT, checkpoint_step, train
+from pcsr.experiments.train import train
 from pcsr.files import write_text
 from pcsr.network.card import other_code
 from pcsr.network.load import load_weights

@@ -1,4 +1,4 @@
-"""Touch on a network of somebody else's: what one of its layers gives is fused with the touches."""
+"""Touch for a foreign network: the output of one of its layers is fused with touch features."""
 
 from pcsr.grafting.assembly import graft
 from pcsr.grafting.files import load_graft, save_graft

@@ -31,7 +31,7 @@ def graft(
 ) -> Grafted:
     """Fuse touch into a network at the layer `at`, whose output is one feature for each of its input points.
 
-    The network is run once or twice, in `eval` mode and without gradients, to see what the layer gives.
+    The network is run once or twice, in `eval` mode and without gradients, to find the layout and width of the output.
 
     Args:
         network: any module that maps points to points.
@@ -40,12 +40,12 @@ def graft(
         touch_encoder: the same, or None: the coordinates themselves. By default a `unet` with a quarter of the
             layer's channels, at least 8.
         probe: points that the network is run on, or their shape, (b n 3) or (b 3 n).
-        layout: of the layer's output, "bnc", "bcn" or "bcn1". Else found out by a second run with twice as many points.
-        points: the argument that the points are: a position or a keyword.
-        points_layout: of the points, "bnc" or "bcn", where the probe does not show it.
+        layout: of the layer's output, "bnc", "bcn" or "bcn1". By default a second run shows it.
+        points: the network's argument for the points: a position or a keyword.
+        points_layout: of the points, "bnc" or "bcn", if the probe does not show it.
         arguments: the network's other positional arguments, for the probe.
         keywords: its keyword arguments, for the probe.
-        registry: where parts are looked up; by default all that are installed.
+        registry: of parts; by default the installed ones.
 
     Raises:
         UserError: no such layer, one that does not give a feature for each point, a network that fails on the

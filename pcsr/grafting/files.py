@@ -1,4 +1,4 @@
-"""Grafts in files: the weights of the network and of its tactile parts, and how to build those again."""
+"""Files of grafts: the weights of the network and of its tactile parts, and the options of these parts."""
 
 import json
 import textwrap
@@ -20,11 +20,11 @@ from pcsr.weights.file import NONSENSE, card_text, open_tensors, parse_card
 from pcsr.weights.fit import fill
 
 WIDEST = 10**6
-"""Channels of the widest layer that touch may enter at."""
+"""Largest number of channels of a grafted layer."""
 
 
 def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | None = None) -> None:
-    """Write the weights of the network and of its tactile parts; the header says what to rebuild and `about`.
+    """Write the weights of the network and of its tactile parts. The header holds the parts' options and `about`.
 
     Raises:
         UserError: a tactile part was given as an instance, which a file cannot describe, or `about` is not what
@@ -46,13 +46,13 @@ def save_graft(path: Path | str, grafted: Grafted, about: Mapping[str, Any] | No
         header = json.dumps(card)
     except TypeError as error:
         raise UserError(f"about={about!r}: the header of a graft is what JSON can write, but {error}") from error
-    # Cloned, as weights that two layers share are refused by safetensors.
+    # Cloned, since safetensors refuses weights that two layers share.
     tensors = {name: tensor.detach().clone() for name, tensor in grafted.state_dict().items()}
     save_tensors(Path(path), tensors, {"pcsr": header})
 
 
 def load_graft(path: Path | str, network: nn.Module, registry: Registry | None = None) -> Grafted:
-    """The graft that `save_graft` wrote, in `eval` mode, on `network`, whose weights are overwritten too.
+    """Load a graft that `save_graft` wrote onto `network`, whose weights are overwritten; returns it in `eval` mode.
 
     Raises:
         UserError: no file of `save_graft`, a part that is not installed, or another network; the message names
@@ -99,7 +99,7 @@ def _point(card: Any) -> InjectionPoint:
     """The injection point that a header describes; graft files of 0.1 call it "joint".
 
     Raises:
-        ValueError: it describes none.
+        ValueError: the header is invalid.
     """
     point = InjectionPoint(**card.get("injection_point", card.get("joint")))
     words = isinstance(point.at, str) and isinstance(point.points, int | str)

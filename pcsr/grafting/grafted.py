@@ -1,7 +1,7 @@
-"""A foreign network and its tactile parts: one module, called as the network is.
+"""A foreign network and its tactile parts as one module, which is called like the network.
 
-The foreign code stays as it is. While a graft calls the network, a hook on the layer puts the fused features in
-the place of the visual ones; without touches there is no hook, and the network is called as if it were alone.
+The foreign code is not changed. During a call of the graft a forward hook replaces the output of one layer by the fused
+features. Without touches there is no hook.
 """
 
 import threading
@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pcsr.contracts import Encoder, Fusion
+from pcsr.contracts import Encoder, Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_frame
 from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
@@ -19,11 +19,11 @@ from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
 MOST_DISTANCE = 5.0
-"""The largest distance between the centre of a cloud and that of its nearest touch, in diameters of the cloud."""
+"""Largest distance between the centres of a cloud and of its nearest touch, in diameters of the cloud."""
 
 
 class Grafted(nn.Module):
-    """A network with touch fused in at one of its layers; without touches, bit for bit the network alone.
+    """A network with touch at one of its layers. Without touches its output is that of the network, bit for bit.
 
     Examples:
         >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
@@ -51,70 +51,71 @@ class Grafted(nn.Module):
         self.specs = specs
 
     def forward(self, *args: Any, touches: Tensor | None = None, mask: Tensor | None = None, **kwargs: Any) -> Any:
-        """What the network gives, with the touches fused in at the injection point.
+        """Run the network, with touches fused into the output of the grafted layer.
 
         Args:
-            *args: the network's own, handed through.
-            touches: (b a m 3), in the frame and unit of the points; none by default.
-            mask: (b a), False where a row holds fewer than `a` touches; all True by default.
-            **kwargs: the network's own, handed through.
+            *args: positional arguments of the network.
+            touches: touched points, (b a m 3), in the frame and unit of the points; none by default.
+            mask: which touches are present, (b a); all by default.
+            **kwargs: keyword arguments of the network.
+
+        Returns:
+            The output of the network.
 
         Raises:
-            UserError: touches of another shape, type, frame or unit than the points, or a layer that did not give
-                one feature for each point, once.
+            UserError: the touches differ in shape, type, frame or unit from the points, or the layer did not give one
+                feature for each point, once.
         """
         if touches is None:
             if mask is not None:
                 raise UserError(
-                    "mask says which touches there are, but there are no touches: leave it out; an argument of the "
-                    "network's own that is called mask goes by its position"
+                    "a mask is given, but there are no touches: leave it out; pass an argument of the network that "
+                    "is called mask by its position"
                 )
             return self.network(*args, **kwargs)
         points = visual_points(self.injection_point, args, kwargs)
-        mask = torch.ones(touches.shape[:2], dtype=torch.bool, device=touches.device) if mask is None else mask
         _check_touches(points, touches, mask)
-        exporting = torch.compiler.is_exporting()  # then what the tensors hold is not known
-        if touches.shape[1] == 0 or not (exporting or mask.any()):
+        batch = TouchBatch.of(touches, mask)
+        exporting = torch.compiler.is_exporting()  # the values of tensors are then unknown
+        if touches.shape[1] == 0 or not (exporting or batch.mask.any()):
             return self.network(*args, **kwargs)
         if not exporting:
-            _check_frame(points, touches, mask)
-        if isinstance(self.network, Grafted):  # a second injection point: both get the same touches
-            kwargs |= {"touches": touches, "mask": mask}
-        return self._touched(points, touches, mask, args, kwargs)
+            _check_frame(points, batch)
+        if isinstance(self.network, Grafted):  # both grafts get the same touches
+            kwargs |= {"touches": touches, "mask": batch.mask}
+        return self._fused(points, batch, args, kwargs)
 
     def tactile_parameters(self) -> Iterator[nn.Parameter]:
-        """The parameters that the foreign network does not have: those of the fusion and the touch encoder."""
+        """Parameters that the foreign network does not have: those of the fusion and the touch encoder."""
         foreign: nn.Module = self.network
         while isinstance(foreign, Grafted):
             foreign = foreign.network
         theirs = {id(parameter) for parameter in foreign.parameters()}
         return (parameter for parameter in self.parameters() if id(parameter) not in theirs)
 
-    def _touched(
-        self, points: Points, touches: Tensor, mask: Tensor, args: Sequence[Any], kwargs: Mapping[str, Any]
-    ) -> Any:
-        """Call the network with the hook in place, and take it away again whatever happens."""
+    def _fused(self, points: Points, touches: TouchBatch, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        """Call the network with a hook on the grafted layer, and remove the hook in any case."""
         at, layout = self.injection_point.at, self.injection_point.layout
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
         calls = 0
 
         def hook(_layer: nn.Module, _args: Any, output: Any) -> Tensor | None:
             nonlocal calls
-            if threading.get_ident() != caller:  # replicas on several devices share the hooks of a layer
+            if threading.get_ident() != caller:  # replicas on several devices share a layer's hooks
                 return None
             calls += 1
             if calls > 1:
                 raise UserError(f"layer '{at}' was called again within one pass: graft at a layer that is called once")
             if learning and not torch.is_grad_enabled() and any(p.requires_grad for p in self.tactile_parameters()):
                 raise UserError(
-                    f"layer '{at}' runs without gradients, so its graft would learn nothing: graft at a layer outside "
-                    f"of torch.no_grad() and of checkpointed blocks, or call the graft under torch.no_grad()"
+                    f"layer '{at}' runs without gradients, so that the tactile parts cannot be trained: graft at "
+                    f"a layer outside of torch.no_grad() and checkpointed blocks, or call it under torch.no_grad()"
                 )
             check_output(self.injection_point, output, points)
             features = to_bnc(output, layout)
-            fused = fuse(self.fusion, self.touch_encoder, points, features, touches, mask)
-            if torch.compiler.is_exporting():  # `fuse` leaves out nobody there
-                fused = torch.where(mask.any(1)[:, None, None], fused, features)
+            fused = fuse(self.fusion, self.touch_encoder, points, features, touches)
+            if torch.compiler.is_exporting():  # `fuse` then fuses rows without touches too
+                fused = torch.where(touches.mask.any(1)[:, None, None], fused, features)
             return from_bnc(fused.to(output.dtype), layout)
 
         handle = self.network.get_submodule(at).register_forward_hook(hook)
@@ -130,7 +131,7 @@ class Grafted(nn.Module):
         return result
 
 
-def _check_touches(points: Points, touches: Tensor, mask: Tensor) -> None:
+def _check_touches(points: Points, touches: Tensor, mask: Tensor | None) -> None:
     rows = points.shape[0]
     if touches.dim() != 4 or touches.shape[0] != rows or touches.shape[3] != 3 or touches.shape[2] == 0:
         raise UserError(
@@ -141,21 +142,23 @@ def _check_touches(points: Points, touches: Tensor, mask: Tensor) -> None:
             f"touches are {touches.dtype} on {touches.device}, the points {points.dtype} on {points.device}: "
             f"give touches.to(points)"
         )
-    if (mask.dtype, mask.device) != (torch.bool, touches.device) or mask.shape != touches.shape[:2]:
+    if mask is not None and (
+        (mask.dtype, mask.device) != (torch.bool, touches.device) or mask.shape != touches.shape[:2]
+    ):
         raise UserError(
             f"mask is {mask.dtype} {tuple(mask.shape)} on {mask.device}, not torch.bool {tuple(touches.shape[:2])} on "
             f"{touches.device}, one for each touch"
         )
 
 
-def _check_frame(points: Points, touches: Tensor, mask: Tensor) -> None:
-    """Refuse rows whose touches are all far away, or not finite: in another unit or frame than the points."""
+def _check_frame(points: Points, touches: TouchBatch) -> None:
+    """Refuse rows whose touches are all far away or not finite: they are in another unit or frame than the points."""
     cloud = points.detach().float()
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)
-    distance = (touches.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
-    nearest = distance.nan_to_num(torch.inf).masked_fill(~mask, torch.inf).amin(1)
-    for row, (away, reach, touched) in enumerate(torch.stack([nearest, radius, mask.any(1)], 1).tolist()):
+    distance = (touches.points.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
+    nearest = distance.nan_to_num(torch.inf).masked_fill(~touches.mask, torch.inf).amin(1)
+    for row, (away, reach, touched) in enumerate(torch.stack([nearest, radius, touches.mask.any(1)], 1).tolist()):
         if touched:
             check_frame(
                 f"row {row} of the batch: its nearest touch",

@@ -1,4 +1,4 @@
-"""Where touch enters a network: at which layer, and in which layouts points and features pass there."""
+"""The layer of a network at which touch is fused, and the layouts of points and features."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ class InjectionPoint:
     at: str
     """Dotted name of the layer."""
     layout: Layout
-    """Of what the layer gives: (b n c), (b c n) or (b c n 1)."""
+    """Layout of the layer's output: (b n c), (b c n) or (b c n 1)."""
     width: int
-    """Its channels."""
+    """Number of channels of the layer's output."""
     points: int | str = 0
-    """Which argument of the network the points are: a position, or a keyword."""
+    """The network's argument for the points: a position or a keyword."""
     points_layout: PointsLayout = "bnc"
-    """(b n 3) or (b 3 n)."""
+    """Layout of the points: (b n 3) or (b 3 n)."""
     channels: int = 3
-    """Of the points: those behind the first three are no coordinates."""
+    """Number of channels of the points, of which the first three are the coordinates."""
 
 
 def visual_points(point: InjectionPoint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:
@@ -57,24 +57,24 @@ def _argument(which: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) 
 
 
 def channel_axis(layout: PointsLayout) -> Literal[1, 2]:
-    """The axis of the channels in a batch of points."""
+    """Axis of the channels in a batch of points."""
     return 2 if layout == "bnc" else 1
 
 
 def to_bnc(output: Tensor, layout: Layout) -> Float[Tensor, "b n c"]:
-    """What the layer gives, channels last."""
+    """Convert the output of a layer to channels last."""
     if layout == "bnc":
         return output
     return (output.squeeze(-1) if layout == "bcn1" else output).transpose(1, 2)
 
 
 def from_bnc(features: Float[Tensor, "b n c"], layout: Layout) -> Tensor:
-    """Features as the layer itself would give them."""
-    # Contiguous, as the layer's own output is: the code behind it may take views.
+    """Convert features to the layout of the layer."""
+    # Contiguous, like the layer's own output, since the network may take views of it.
     if layout == "bnc":
         return features.contiguous()
-    turned = features.transpose(1, 2).contiguous()
-    return turned.unsqueeze(-1) if layout == "bcn1" else turned
+    transposed = features.transpose(1, 2).contiguous()
+    return transposed.unsqueeze(-1) if layout == "bcn1" else transposed
 
 
 def check_output(point: InjectionPoint, output: Any, points: Tensor) -> None:

@@ -1,4 +1,4 @@
-"""The tactile parts of a graft: built from their names for the width of a layer, and tried once."""
+"""The tactile parts of a graft: built for the width of a layer, and run once."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import torch
 from pydantic import ValidationError
 from torch import Tensor
 
-from pcsr.contracts import Encoder, Fusion, Widths
+from pcsr.contracts import Encoder, Fusion, TouchBatch, Widths
 from pcsr.errors import UserError
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.probe import one_line, quiet
@@ -24,10 +24,10 @@ def build_parts(
     touch_encoder: str | Mapping[str, Any] | Encoder | None,
     registry: Registry,
 ) -> tuple[Fusion, Encoder | None, dict[str, Any]]:
-    """Fusion and touch encoder for a layer of `width` channels, and what to write in a file to build them again."""
+    """Build fusion and touch encoder for a layer of `width` channels; returns them and their options."""
     if touch_encoder == "default":
         quarter = max(8, width // 4)
-        touch_encoder = {"use": "unet", "channels": quarter + quarter % 2}  # a unet halves its channels at the entrance
+        touch_encoder = {"use": "unet", "channels": quarter + quarter % 2}  # a unet needs an even number of channels
     encoder, encoder_spec = None, None
     if touch_encoder is not None:
         encoder, encoder_spec = build_part("encoder", touch_encoder, Widths(), registry)
@@ -36,14 +36,14 @@ def build_parts(
     if not built.uses_touch_features or type(built).join is not Fusion.join:
         raise UserError(
             f"fusion '{fusion_spec['use'] if isinstance(fusion_spec, dict) else type(built).__name__}' joins touched "
-            f"points to the cloud, and a graft cannot tell which outputs of the network to thin afterwards: take a "
+            f"points to the cloud, and a graft does not know which outputs of the network to thin afterwards: take a "
             f"fusion of features, or join them yourself: network(torch.cat([points, touches.flatten(1, 2)], 1))"
         )
     return built, encoder, {"fusion": fusion_spec, "touch_encoder": encoder_spec}
 
 
 def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tuple[Any, Any]:
-    """A part and what to write in a file to build it again: its name and all its options."""
+    """Build a part; returns it and its name with all its options, or "instance"."""
     contract = {"encoder": Encoder, "fusion": Fusion}[kind]
     if isinstance(given, contract):
         return given, "instance"
@@ -60,7 +60,7 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
     try:
         checked = model.model_validate_json(json.dumps(written))
     except TypeError as error:
-        raise UserError(f"{kind} '{name}': options are what JSON can write, but {error}") from error
+        raise UserError(f"{kind} '{name}': JSON cannot represent its options: {error}") from error
     except ValidationError as error:
         owner, known = f"{kind} '{name}'", model.model_fields
         mistakes = [
@@ -76,16 +76,15 @@ def build_part(kind: str, given: Any, widths: Widths, registry: Registry) -> tup
 
 
 def try_parts(grafted: Grafted, like: Tensor) -> None:
-    """Fuse something once, so that parts of other widths are found out here and not in training."""
+    """Run the parts once, so that wrong widths are reported here and not in training."""
     random = torch.Generator().manual_seed(0)
     cloud = torch.rand(1, 64, 3, generator=random).to(like)
     features = torch.rand(1, 64, grafted.injection_point.width, generator=random).to(like)
-    mask = torch.ones(1, 1, dtype=torch.bool, device=like.device)
     with quiet(grafted, like.device):
         try:
-            fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, cloud[:, None], mask)
+            fused = fuse(grafted.fusion, grafted.touch_encoder, cloud, features, TouchBatch.of(cloud[:, None]))
             reason = f"it gives {tuple(fused.shape)} for {tuple(features.shape)}"
-        except Exception as error:  # an instance of other widths fails in whatever way its layers do
+        except Exception as error:  # a layer of a wrong width may raise any error
             fused, reason = None, f"{type(error).__name__}: {one_line(error)}"
     if fused is None or fused.shape != features.shape:
         point = grafted.injection_point

@@ -1,4 +1,4 @@
-"""Running a foreign network to see what it gives: which layer, in which layout, how wide."""
+"""Test runs of a foreign network, which find the layout and width of a layer's output."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -41,7 +41,7 @@ def probe_layer(
     clouds = [cloud]
     if layout is None:
         cloud = cloud if len(cloud) > 1 else cloud.repeat(2, 1, 1)
-        # Not the same points twice: distances of zero upset some networks.
+        # Not the same points twice, since some networks fail on distances of zero.
         clouds = [cloud, torch.cat([cloud, 0.9 * cloud], axis)]
     outputs = []
     for one in clouds:
@@ -64,22 +64,22 @@ def probe_layer(
 
 
 def find_layer(network: nn.Module, at: str) -> nn.Module:
-    """The submodule of that dotted name."""
+    """Find the submodule with a dotted name."""
     names = [name for name, _ in network.named_modules(remove_duplicate=False) if name]
     if at in names:
         return network.get_submodule(at)
     last = at.rpartition(".")[2]
-    near = [name for name in names if last and name.rpartition(".")[2] == last]
-    near = list(dict.fromkeys([*near, *get_close_matches(at, names, n=5)]))[:5]
-    if near:
-        remedy = f"did you mean {' or '.join(repr(name) for name in near)}?"
+    similar = [name for name in names if last and name.rpartition(".")[2] == last]
+    similar = list(dict.fromkeys([*similar, *get_close_matches(at, names, n=5)]))[:5]
+    if similar:
+        remedy = f"did you mean {' or '.join(repr(name) for name in similar)}?"
     else:
         remedy = f"it has {', '.join(names[:8]) or 'none'}{' …' if len(names) > 8 else ''}"
     raise UserError(f"the network {type(network).__name__} has no layer '{at}': {remedy}")
 
 
 def tensor_like(network: nn.Module) -> Tensor:
-    """A tensor of the network's own type and device."""
+    """A tensor with the data type and device of the network's weights."""
     return next((weight for weight in network.parameters() if weight.is_floating_point()), torch.zeros(()))
 
 
@@ -100,13 +100,13 @@ def _points_layout(shape: Shape) -> PointsLayout:
 def _output(
     network: nn.Module, layer: nn.Module, at: str, args: Sequence[Any], kwargs: Mapping[str, Any], shape: Shape
 ) -> Tensor:
-    """What the layer gives in one run of the network, which is left as it was."""
+    """Output of a layer in one run of the network, whose state does not change."""
     outputs: list[Any] = []
     handle = layer.register_forward_hook(lambda _layer, _args, output: outputs.append(output))
     try:
         with quiet(network, tensor_like(network).device):
             network(*args, **kwargs)
-    except Exception as error:  # foreign code fails in whatever way it likes
+    except Exception as error:  # foreign code may raise any error
         raise UserError(
             f"{type(network).__name__} cannot be run on points of {shape}: {type(error).__name__}: {one_line(error)}. "
             f"Say with probe= which points it takes, with arguments= and keywords= what else it needs, and with "
@@ -116,7 +116,7 @@ def _output(
         handle.remove()
     if len(outputs) != 1:
         raise UserError(
-            f"layer '{at}' is called {len(outputs)} times in one pass, and a graft hears touch at one call: graft at a "
+            f"layer '{at}' is called {len(outputs)} times in one pass, and touch is fused at one call: graft at a "
             f"layer that is called once (a compiled or scripted network calls none of its layers)"
         )
     if not isinstance(outputs[0], Tensor):
@@ -128,7 +128,7 @@ def _output(
 
 @contextmanager
 def quiet(network: nn.Module, device: torch.device) -> Iterator[None]:
-    """No gradients, `eval` mode, and the random state and the modes put back afterwards."""
+    """Disable gradients and set `eval` mode; random state and modes are restored afterwards."""
     modes = [(module, module.training) for module in network.modules()]
     devices = [device] if device.type == "cuda" else []
     try:
@@ -141,7 +141,7 @@ def quiet(network: nn.Module, device: torch.device) -> Iterator[None]:
 
 
 def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layout, int]:
-    """Layout and width of a layer from its output for two numbers of points."""
+    """Find layout and width of a layer from its output for two numbers of points."""
     (n, more), (first, second) = counts, shapes
     shown = f"layer '{at}' gives {first} for {n} points and {second} for {more}"
     axes = range(1, min(len(first), len(second)))
@@ -150,7 +150,7 @@ def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layo
     if len(along) > 1 or (along and moved != along):
         raise UserError(f"{shown}: its width is ambiguous: state it with layout='bnc', 'bcn' or 'bcn1'")
     if not along and len(moved) == 1:
-        raise UserError(f"{shown}: not as many points as entered, as behind a sampling: graft ahead of it")
+        raise UserError(f"{shown}: another number of points than the input, as after a sampling: graft ahead of it")
     known: dict[tuple[int, int], tuple[Layout, int]] = {(3, 1): ("bnc", 2), (3, 2): ("bcn", 1), (4, 2): ("bcn1", 1)}
     found = known.get((len(first), along[0])) if along else None
     if found is None or (len(first) == 4 and first[3] != 1):
@@ -159,5 +159,5 @@ def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layo
 
 
 def one_line(thing: object) -> str:
-    """The text of an error, or of anything, without its line breaks."""
+    """The text of an object without line breaks."""
     return " ".join(str(thing).split())

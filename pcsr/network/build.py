@@ -33,7 +33,7 @@ def build(recipe: Recipe, registry: Registry) -> Network:
         fusion = parts.fusion.build(registry, "fusion", widths)
         if touch_encoder is not None and not fusion.uses_touch_features:
             raise UserError(
-                f"fusion '{parts.fusion.use}' hears no touch features, so model.touch_encoder would never be used: "
+                f"fusion '{parts.fusion.use}' uses no touch features, so model.touch_encoder would never be used: "
                 f"remove it"
             )
         backbone = parts.backbone.build(registry, "backbone", widths)

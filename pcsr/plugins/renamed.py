@@ -39,7 +39,10 @@ ATTRIBUTES = {
     "pace": "lr_multiplier",
 }
 """Renamed class attributes of parts."""
-SIGNATURES: dict[str, str] = {}
+SIGNATURES = {
+    "join": "join(points, touches)",
+    "losses": "losses(network, points, truth, rate, touches)",
+}
 """Methods of parts that had a parameter `mask`, which is now a field of `touches`, with their new signatures."""
 
 

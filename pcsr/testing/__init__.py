@@ -1,4 +1,4 @@
-"""The conformance suite: whether a part, of whatever kind and by whomever, keeps the contract of its kind.
+"""The conformance suite: checks that a part keeps the contract of its kind.
 
 With pytest::
 
@@ -10,8 +10,8 @@ With pytest::
 
 On the command line: ``pcsr plugins check my-fusion``.
 
-Parts are tried at clouds of 64 points and more, with weights a little off those that they start with, so that a layer
-which starts at zero hides nothing; most checks are in double precision, where what differs is no rounding.
+Parts are run on clouds of 64 points and more. Their initial weights are perturbed, since a layer of zeros would hide
+mistakes before it. Most checks use double precision, so that differences are not due to rounding.
 """
 
 from pcsr.testing.check import Check, CheckFailed, Outcome, Skipped

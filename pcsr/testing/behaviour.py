@@ -1,4 +1,4 @@
-"""Checks of what a network part gives: its shape, and what it must not depend on."""
+"""Checks of the output of network parts: its shape, its precision, and what it must not depend on."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,16 +15,16 @@ from pcsr.testing.inputs import POINTS, Given, apart, apart_as_sets, call, given
 from pcsr.testing.subject import WIDTHS, Subject, channels
 
 ODD = 101
-"""Another number of points: touches may join a cloud, so no part may count on a power of two."""
+"""A number of points that is no power of two. Touches may join a cloud, so that parts must accept any number."""
 CLOSE = 1e-6
-"""Results that are equal but for rounding, in double precision and relative to their size."""
+"""Largest relative difference of two results that are due to rounding in double precision."""
 RATES = (2, 3, 5, 16)
-"""Those that an upsampler of any rate is asked for."""
+"""Rates at which an upsampler with the trait `ANY_RATE` is run."""
 
 
 @torch.no_grad()
 def shapes(subject: Subject) -> None:
-    """The result has the shape that the contract says, is finite, of the input's precision; the input stays."""
+    """The output has the shape of the contract and the input's precision, and is finite; the input is unchanged."""
     first = subject.widths
     for widths in [first, *(other for other in WIDTHS if other != first)]:
         try:
@@ -34,9 +34,9 @@ def shapes(subject: Subject) -> None:
         for count in (POINTS, ODD) if widths == first else (POINTS,):
             tensors = single(given(module, widths, count=count, batch=2))
             before = {name: tensor.clone() for name, tensor in tensors.items()}
-            made = call(module, widths.rate, tensors)
-            _shape(subject, module, widths, count, made)
-            _sound(subject, made, f"{count} points")
+            output = call(module, widths.rate, tensors)
+            _shape(subject, module, widths, count, output)
+            _sound(subject, output, f"{count} points")
             changed = [name for name, tensor in tensors.items() if not torch.equal(tensor, before[name])]
             if changed:
                 raise subject.failure(
@@ -46,35 +46,35 @@ def shapes(subject: Subject) -> None:
                 )
 
 
-def _shape(subject: Subject, module: Any, widths: Widths, count: int, made: Tensor) -> None:
+def _shape(subject: Subject, module: Any, widths: Widths, count: int, output: Tensor) -> None:
     """Raises CheckFailed for a wrong shape."""
     wanted: tuple[object, ...]
     if isinstance(module, Encoder | Backbone):
         wanted = (2, count, channels(subject, module))
-        right = tuple(made.shape) == wanted
+        right = tuple(output.shape) == wanted
     elif is_set(module):
         least = count * (widths.rate if isinstance(module, Upsampler) else 1)
         wanted = (2, f"{least} or more", 3)
-        right = made.dim() == 3 and made.shape[0] == 2 and made.shape[1] >= least and made.shape[2] == 3
+        right = output.dim() == 3 and output.shape[0] == 2 and output.shape[1] >= least and output.shape[2] == 3
     else:
         wanted = (2, count, widths.visual)
-        right = tuple(made.shape) == wanted
+        right = tuple(output.shape) == wanted
     if not right:
         raise subject.failure(
-            f"for 2 clouds of {count} points and {widths} it gives the shape {tuple(made.shape)}",
+            f"for 2 clouds of {count} points and {widths} it gives the shape {tuple(output.shape)}",
             f"({', '.join(map(str, wanted))})",
             "see the contract of its kind in pcsr.contracts",
         )
 
 
-def _sound(subject: Subject, made: Tensor, what: str) -> None:
-    if made.dtype != torch.float32:
+def _sound(subject: Subject, output: Tensor, what: str) -> None:
+    if output.dtype != torch.float32:
         raise subject.failure(
-            f"it gives {made.dtype} for torch.float32",
+            f"it gives {output.dtype} for torch.float32",
             "the precision of its input",
             "make constants with the input's dtype",
         )
-    if not made.isfinite().all():
+    if not output.isfinite().all():
         raise subject.failure(
             f"for {what} its result is not finite",
             "finite numbers",
@@ -83,18 +83,18 @@ def _sound(subject: Subject, made: Tensor, what: str) -> None:
 
 
 def coinciding_points(subject: Subject) -> None:
-    """Points may coincide: a touch that felt few repeats them. Result and gradients stay finite."""
-    module = subject.lively().float().train()
+    """Points may coincide, as in a touch whose points are repeated. Output and gradients are finite."""
+    module = subject.perturbed().float().train()
     tensors = single(given(module, subject.widths))
     for name, tensor in tensors.items():
         if name in ("points", "touches"):
             tensor[..., ::4, :] = tensor[..., :1, :]
         if tensor.is_floating_point():
             tensor.requires_grad_()
-    made = call(module, subject.widths.rate, tensors)
-    _sound(subject, made, "clouds with coinciding points")
-    if made.requires_grad:
-        torch.autograd.backward(made.square().mean())
+    output = call(module, subject.widths.rate, tensors)
+    _sound(subject, output, "clouds with coinciding points")
+    if output.requires_grad:
+        torch.autograd.backward(output.square().mean())
     leaves = {**tensors, **dict(module.named_parameters())}
     broken = [name for name, leaf in leaves.items() if leaf.grad is not None and not leaf.grad.isfinite().all()]
     if broken:
@@ -107,8 +107,8 @@ def coinciding_points(subject: Subject) -> None:
 
 @torch.no_grad()
 def independent_rows(subject: Subject) -> None:
-    """A cloud's result does not depend on which others are in its batch, in `eval` mode."""
-    module = subject.lively()
+    """In `eval` mode the output for a cloud does not depend on the other clouds of its batch."""
+    module = subject.perturbed()
     tensors = given(module, subject.widths)
     whole = call(module, subject.widths.rate, tensors)
     for row in range(len(whole)):
@@ -124,8 +124,8 @@ def independent_rows(subject: Subject) -> None:
 
 @torch.no_grad()
 def trait(subject: Subject, which: Trait) -> None:
-    """A claimed trait holds. One that is not claimed is tried too, and the check skipped with what was found."""
-    module: Any = subject.lively()
+    """A claimed trait holds. One that is not claimed is tested too, and the check skipped with what was found."""
+    module: Any = subject.perturbed()
     holds, found = TRIALS[which](subject, module)
     if which in module.traits:
         if not holds:
@@ -142,16 +142,16 @@ def _point_order(subject: Subject, module: Any) -> tuple[bool, str]:
     tensors = given(module, subject.widths)
     order = torch.randperm(POINTS)
     shuffled = {name: t[:, order] if name in ("points", "features") else t for name, t in tensors.items()}
-    made, again = (call(module, subject.widths.rate, each) for each in (tensors, shuffled))
-    gap = apart_as_sets(again, made) if is_set(module) else apart(again, made[:, order])
+    output, again = (call(module, subject.widths.rate, each) for each in (tensors, shuffled))
+    gap = apart_as_sets(again, output) if is_set(module) else apart(again, output[:, order])
     return gap <= CLOSE, f"with its points in another order the result is {gap:.2g} off"
 
 
 def _touch_order(subject: Subject, module: Any) -> tuple[bool, str]:
     tensors = given(module, subject.widths)
     turned = {n: t.flip(1) if n in ("touches", "touch_features", "mask") else t for n, t in tensors.items()}
-    made, again = (call(module, subject.widths.rate, each) for each in (tensors, turned))
-    gap = (apart_as_sets if is_set(module) else apart)(again, made)
+    output, again = (call(module, subject.widths.rate, each) for each in (tensors, turned))
+    gap = (apart_as_sets if is_set(module) else apart)(again, output)
     return gap <= CLOSE, f"with its touches in another order the result is {gap:.2g} off"
 
 
@@ -159,13 +159,13 @@ def _any_rate(subject: Subject, module: Any) -> tuple[bool, str]:
     tensors: Given = given(module, subject.widths)
     for rate in RATES:
         try:
-            made = call(module, rate, tensors)
+            output = call(module, rate, tensors)
         except UserError as error:
             if Trait.ANY_RATE not in module.traits:
                 subject.must_name_itself(error)
             return False, f"refuses rate {rate}: {error}"
-        if made.shape[1] < rate * POINTS or not made.isfinite().all():
-            found = f"at rate {rate} it makes {made.shape[1]} points of {POINTS}, or some that are not finite"
+        if output.shape[1] < rate * POINTS or not output.isfinite().all():
+            found = f"at rate {rate} it makes {output.shape[1]} points of {POINTS}, or some that are not finite"
             if Trait.ANY_RATE not in module.traits:
                 raise subject.failure(
                     found,
@@ -184,5 +184,5 @@ TRIALS: dict[Trait, Callable[[Subject, Any], tuple[bool, str]]] = {
 
 
 def trait_checks(kind: str) -> dict[str, Callable[[Subject], None]]:
-    """A check for each trait that a part of a kind can claim."""
+    """The checks of the traits that parts of a kind can claim."""
     return {f"trait-{one}": partial(trait, which=one) for one in Trait if one in TRAITS[kind]}

@@ -1,4 +1,4 @@
-"""One check, and what comes of it."""
+"""A check of a part, and its outcome."""
 
 import traceback
 from collections.abc import Callable
@@ -10,69 +10,46 @@ from pcsr.threads import threads
 
 
 class CheckFailed(AssertionError):  # noqa: N818 it is an outcome, as Skipped is
-    """A part does not keep its contract. The message names the part, what was found, what is expected, the remedy.
-
-    Examples:
-        >>> issubclass(pcsr.testing.CheckFailed, AssertionError)
-        True
-    """
+    """A part breaks its contract. The message names the part, what was found, what is expected, and the remedy."""
 
 
 class Skipped(SkipTest):
-    """A check that says nothing about this part; the message says why. pytest reports it as skipped.
-
-    Examples:
-        >>> import unittest
-        >>> issubclass(pcsr.testing.Skipped, unittest.SkipTest)
-        True
-    """
+    """A check does not apply to a part; the message says why. pytest reports it as skipped."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a check.
-
-    Examples:
-        >>> pcsr.testing.Check("nothing", lambda: None).outcome()
-        Outcome(check='nothing', result='passed', said='')
-    """
+    """The outcome of a check."""
 
     check: str
     result: Literal["passed", "failed", "skipped"]
     said: str = ""
-    """Why, where it did not pass."""
+    """The reason, if it did not pass."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A named check of one part. To be called; it returns where the part passes, and raises otherwise.
-
-    Examples:
-        >>> def run():
-        ...     raise pcsr.testing.CheckFailed("three channels were expected, got 4: return three")
-        >>> pcsr.testing.Check("channels", run).outcome().result
-        'failed'
-    """
+    """A named check of one part. Calling it raises an error unless the part passes."""
 
     name: str
     run: Callable[[], None]
 
     def __call__(self) -> None:
-        """Run it.
+        """Run the check.
 
         Raises:
-            CheckFailed: the part fails it.
-            Skipped: it does not apply to this part.
+            CheckFailed: the part breaks its contract.
+            Skipped: the check does not apply to the part.
         """
-        with threads(1):  # its networks are small
+        with threads(1):  # the networks of the suite are small
             self.run()
 
     def __str__(self) -> str:
-        """Its name, which pytest makes a test's id of."""
+        """Return the name, which pytest uses as the id of a test."""
         return self.name
 
     def outcome(self) -> Outcome:
-        """Run it, and tell what came of it instead of raising."""
+        """Run the check and return its outcome instead of raising."""
         try:
             self()
         except CheckFailed as error:
@@ -83,7 +60,7 @@ class Check:
 
 
 def said(error: BaseException) -> str:
-    """An error that a part raised, in one line, with the place where it arose."""
+    """Describe an error that a part raised in one line, with the file and line where it arose."""
     lines = " ".join(str(error).split())
     described = f"{type(error).__name__}: {lines}" if lines else type(error).__name__
     frames = traceback.extract_tb(error.__traceback__)

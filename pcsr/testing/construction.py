@@ -1,4 +1,4 @@
-"""Checks of a part's constructor: its options, what it refuses, and that it builds."""
+"""Checks of a part's constructor and of its class attributes."""
 
 import inspect
 import json
@@ -18,7 +18,7 @@ STRAY = "an_option_that_no_part_has"
 
 
 def options(subject: Subject) -> None:
-    """Options are keyword-only, typed and such as a recipe can say; what the class says of itself makes sense."""
+    """Options are keyword-only, typed and expressible in YAML; the class attributes are valid."""
     part = subject.part
     positional = [
         name
@@ -71,7 +71,7 @@ def _plain(value: object) -> object:
 
 
 def unknown_options(subject: Subject) -> None:
-    """A misspelt option is an error, not silence."""
+    """An unknown option is an error."""
     widths = subject.widths
     host = (widths,) if subject.kind in NETWORK else ()
     try:
@@ -79,9 +79,9 @@ def unknown_options(subject: Subject) -> None:
     except (TypeError, UserError):
         return
     except Exception as error:
-        found = f"it meets an unknown option with {said(error)}"
+        found = f"for an unknown option it raises {said(error)}"
     else:
-        found = "it takes an option that nobody knows"
+        found = "it accepts an unknown option"
     raise subject.failure(found, "a TypeError", "name each option in the constructor instead of taking **kwargs")
 
 
@@ -149,4 +149,4 @@ TRAITS: dict[str, frozenset[Trait]] = {
     "metric": frozenset(),
     "baseline": frozenset(),
 }
-"""What each kind can claim."""
+"""Traits that parts of each kind can claim."""

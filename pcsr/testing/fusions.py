@@ -1,47 +1,50 @@
-"""Checks of fusions: clouds without touches, and touches that a row of the batch does not have."""
+"""Checks of fusions: clouds without touches, missing touches, and the effect of touches."""
 
 from typing import Any
 
 import torch
 
-from pcsr.contracts import Fusion
+from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.testing.behaviour import CLOSE
 from pcsr.testing.check import Skipped
-from pcsr.testing.inputs import BATCH, FELT, POINTS, TOUCHES, apart, call, cloud, given, rows, single
+from pcsr.testing.inputs import BATCH, POINTS, TOUCH_POINTS, TOUCHES, apart, call, cloud, given, rows, single
 from pcsr.testing.subject import Subject
 
 ELSEWHERE = 1e3
-"""What the contents of a missing touch are moved by."""
+"""Offset that is added to the contents of a missing touch."""
 
 
 @torch.no_grad()
 def zero_touches(subject: Subject) -> None:
-    """Where there is no touch, `join` leaves the cloud as it is; few touches of few points are legal and finite.
+    """Without touches `join` leaves the cloud as it is. Any number of touches, and of points of a touch, is accepted.
 
-    Without any touch the host does not call `forward`, so that the visual features need no check.
+    The host does not call `forward` without touches.
     """
-    module: Any = subject.lively().float()
+    module: Any = subject.perturbed().float()
     points = cloud(BATCH, POINTS).float()
-    touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
-    module.join(points, touches, mask)  # what came before must not show
+    touches, mask = (
+        points[:, :TOUCHES, None].expand(-1, -1, TOUCH_POINTS, -1),
+        torch.ones(BATCH, TOUCHES, dtype=torch.bool),
+    )
+    module.join(points, TouchBatch.of(touches, mask))  # an earlier call must have no effect
     for what, count, there in (("no touch", 0, mask[:, :0]), (f"{TOUCHES} missing touches", TOUCHES, ~mask)):
-        joined = module.join(points, touches[:, :count], there)
+        joined = module.join(points, TouchBatch.of(touches[:, :count], there))
         if not torch.equal(joined, points):
             raise subject.failure(
-                f"with {what} its `join` turns a cloud of {POINTS} points into another, of {joined.shape[1]}",
+                f"with {what} its `join` changes a cloud of {POINTS} points into one of {joined.shape[1]}",
                 "the cloud as it is",
-                "join the touches where `mask` is True, and nothing else",
+                "join the touches where `touches.mask` is True, and nothing else",
             )
     if not module.uses_touch_features:
         return
     tensors = single(given(module, subject.widths))
-    for count, felt in ((1, 1), (TOUCHES, 1), (1, FELT)):
-        few = {name: tensor[:, :count, :felt] if "touch" in name else tensor for name, tensor in tensors.items()}
-        made = call(module, subject.widths.rate, {**few, "mask": tensors["mask"][:, :count]})
-        if made.shape != tensors["features"].shape or not made.isfinite().all():
+    for count, size in ((1, 1), (TOUCHES, 1), (1, TOUCH_POINTS)):
+        few = {name: tensor[:, :count, :size] if "touch" in name else tensor for name, tensor in tensors.items()}
+        output = call(module, subject.widths.rate, {**few, "mask": tensors["mask"][:, :count]})
+        if output.shape != tensors["features"].shape or not output.isfinite().all():
             raise subject.failure(
-                f"with {count} touches of {felt} points it gives {tuple(made.shape)}, or what is not finite",
+                f"with {count} touches of {size} points it gives {tuple(output.shape)}, or what is not finite",
                 f"finite features of the shape {tuple(tensors['features'].shape)}",
                 "take any number of touches, and of points of a touch",
             )
@@ -49,8 +52,8 @@ def zero_touches(subject: Subject) -> None:
 
 @torch.no_grad()
 def missing_touches(subject: Subject) -> None:
-    """A touch that a row lacks is not heard, and the row comes out as it does alone with its own."""
-    module: Any = subject.lively()
+    """Missing touches have no effect: a row gives the same output as alone with its own touches."""
+    module: Any = subject.perturbed()
     tensors = given(module, subject.widths)
     mask = tensors["mask"].clone()
     # Rows of unequal numbers cannot be joined to their clouds in one batch.
@@ -61,16 +64,16 @@ def missing_touches(subject: Subject) -> None:
         name: torch.where(mask[..., None, None], tensor, tensor + ELSEWHERE) if "touch" in name else tensor
         for name, tensor in tensors.items()
     }
-    made = call(module, subject.widths.rate, tensors)
-    gap = apart(call(module, subject.widths.rate, moved), made)
+    output = call(module, subject.widths.rate, tensors)
+    gap = apart(call(module, subject.widths.rate, moved), output)
     if gap > CLOSE:
         raise subject.failure(
-            f"what lies in a missing touch moves the result by {gap:.2g}",
-            "that only touches are heard where `mask` is True",
+            f"the contents of a missing touch change the result by {gap:.2g}",
+            "that only touches with a True `mask` have an effect",
             "leave the others out: with attention by TouchBatch.flat_padding, in a mean by the mask",
         )
     own = {name: tensor[:, :1] if "touch" in name else tensor for name, tensor in rows(tensors, slice(1, 2)).items()}
-    gap = apart(call(module, subject.widths.rate, {**own, "mask": mask[1:2, :1]}), made[1:2])
+    gap = apart(call(module, subject.widths.rate, {**own, "mask": mask[1:2, :1]}), output[1:2])
     if gap > CLOSE:
         raise subject.failure(
             f"a cloud with 1 touch comes out {gap:.2g} off where another of its batch has {TOUCHES}",
@@ -80,22 +83,24 @@ def missing_touches(subject: Subject) -> None:
 
 
 @torch.no_grad()
-def hears(subject: Subject) -> None:
-    """Touch makes a difference: other touches give something else."""
-    module: Any = subject.lively()
+def uses_touches(subject: Subject) -> None:
+    """Other touches give another output."""
+    module: Any = subject.perturbed()
     joins = type(module).join is not Fusion.join
     if not (module.uses_touch_features or joins or module.keeps_touched_points):
         raise subject.failure(
-            "it hears no features, joins no points and has no anchors, so touch never enters",
+            "it uses no touch features, joins no points and keeps none, so that touches have no effect",
             "one of the three",
             "set uses_touch_features or keeps_touched_points = True, or override `join`",
         )
     if module.keeps_touched_points and not module.uses_touch_features:
-        raise Skipped(f"by {subject} touch enters as points of the result, which the host puts there")
+        raise Skipped(f"{subject} keeps touched points, which the host inserts into the result")
     tensors = given(module, subject.widths)
     other = {name: tensor.flip(0) if "touch" in name else tensor for name, tensor in tensors.items()}
     if torch.equal(call(module, subject.widths.rate, tensors), call(module, subject.widths.rate, other)):
-        raise subject.failure("other touches change nothing", "that touch is heard", "use the touches in `forward`")
+        raise subject.failure(
+            "other touches change nothing", "an effect of the touches", "use the touches in `forward`"
+        )
     if joins:
         _joined(subject, module)
 
@@ -103,7 +108,7 @@ def hears(subject: Subject) -> None:
 def _joined(subject: Subject, module: Any) -> None:
     tensors = given(module, subject.widths)
     points = tensors["points"]
-    joined = module.join(points, tensors["touches"], tensors["mask"])
+    joined = module.join(points, TouchBatch.of(tensors["touches"], tensors["mask"]))
     kept = torch.cdist(points, joined).amin(2).max() if joined.dim() == 3 and len(joined) == len(points) else None
     if kept is None or kept > CLOSE:
         raise subject.failure(
@@ -114,14 +119,17 @@ def _joined(subject: Subject, module: Any) -> None:
 
 
 def ragged_join(subject: Subject) -> None:
-    """Rows with different numbers of touches are joined, or refused by a part that says who it is."""
-    module: Any = subject.lively()
+    """Rows with different numbers of touches are joined, or refused with a message that names the part."""
+    module: Any = subject.perturbed()
     if type(module).join is Fusion.join:
         raise Skipped(f"{subject} does not join touches to the cloud")
     points = cloud(BATCH, POINTS)
-    touches, mask = points[:, :TOUCHES, None].expand(-1, -1, FELT, -1), torch.ones(BATCH, TOUCHES, dtype=torch.bool)
+    touches, mask = (
+        points[:, :TOUCHES, None].expand(-1, -1, TOUCH_POINTS, -1),
+        torch.ones(BATCH, TOUCHES, dtype=torch.bool),
+    )
     mask[0, 0] = False
     try:
-        module.join(points, touches, mask)
+        module.join(points, TouchBatch.of(touches, mask))
     except UserError as error:
         subject.must_name_itself(error)

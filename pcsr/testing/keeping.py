@@ -1,4 +1,4 @@
-"""Checks that a part gives the same again: under a seed, from a file, as an exported graph."""
+"""Checks of reproducibility: with one seed, from a file of weights, and as an exported graph."""
 
 import logging
 import tempfile
@@ -23,7 +23,7 @@ from pcsr.testing.subject import Subject, seeded
 
 
 def result(subject: Subject, module: nn.Module) -> Tensor:
-    """What a part gives for the suite's input, whatever its kind, without gradients."""
+    """Output of a part of any kind for the suite's input, without gradients."""
     if subject.kind == "objective":
         with torch.no_grad():
             return judged(subject, module)
@@ -32,8 +32,8 @@ def result(subject: Subject, module: nn.Module) -> Tensor:
 
 
 def deterministic(subject: Subject) -> None:
-    """A seed decides the first weights and what training does; without training nothing is random."""
-    first, second = subject.lively(), subject.lively()
+    """Initial weights and training depend on torch's seed alone; in `eval` mode nothing is random."""
+    first, second = subject.perturbed(), subject.perturbed()
     for name, weight in first.state_dict().items():
         if not torch.equal(weight, second.state_dict()[name]):
             raise subject.failure(
@@ -61,8 +61,8 @@ def deterministic(subject: Subject) -> None:
 
 
 def weights(subject: Subject) -> None:
-    """All that decides the result is in `state_dict` and goes through a safetensors file."""
-    module = subject.lively()
+    """`state_dict` determines the output, and can be written to a safetensors file and read again."""
+    module = subject.perturbed()
     tensors = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "weights.safetensors"
@@ -95,7 +95,7 @@ def weights(subject: Subject) -> None:
 
 
 class _Called(nn.Module):
-    """A part behind a call with tensors alone, as an exporter wants it."""
+    """A module whose arguments are tensors alone, as `torch.export` needs it."""
 
     def __init__(self, subject: Subject, module: nn.Module) -> None:
         super().__init__()
@@ -104,13 +104,13 @@ class _Called(nn.Module):
         self.names = takes(module)
 
     def forward(self, *tensors: Tensor) -> Tensor:
-        """The result."""
+        """Return the part's output."""
         return call(self.module, self.rate, dict(zip(self.names, tensors, strict=True)))
 
 
 def export(subject: Subject) -> None:
-    """`torch.export` makes a graph of it that takes batches of any size and gives the same."""
-    called = _Called(subject, subject.lively())
+    """The part can be exported by `torch.export` for batches of any size, with the same output."""
+    called = _Called(subject, subject.perturbed())
     example = tuple(given(called.module, subject.widths, batch=2, count=FEW).values())
     graph, error = _graph(called, example, dynamic=True)
     if graph is None:
@@ -135,7 +135,7 @@ def export(subject: Subject) -> None:
 
 
 def _graph(called: nn.Module, example: tuple[Tensor, ...], *, dynamic: bool) -> tuple[Any, str]:
-    """The graph; or None, and why there is none."""
+    """The graph, or None and the reason."""
     sizes = (tuple({0: torch.export.Dim("batch", min=1, max=1024)} for _ in example),) if dynamic else None
     try:
         with _quiet(), torch.no_grad():
@@ -147,7 +147,7 @@ def _graph(called: nn.Module, example: tuple[Tensor, ...], *, dynamic: bool) -> 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """The exporter tells its authors things."""
+    """Silence the messages of the exporter."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

@@ -1,4 +1,4 @@
-"""Checks of what training needs of a part: gradients that arrive, and are right."""
+"""Checks of gradients: they reach all layers and are correct."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,27 +12,27 @@ from pcsr.testing.stop_gradient import slopes
 from pcsr.testing.subject import Subject
 
 DRAWS = 4
-"""Instances that are tried: of one a ReLU may be shut by chance."""
+"""Number of instances that are tried, since all inputs of a ReLU may be negative by chance."""
 STEPS = (1e-6, 1e-7, 1e-5)
-"""How far along a direction of length 1 differences reach, in double precision."""
+"""Steps of the finite differences along a direction of length 1, in double precision."""
 SAME = 1e-3
-"""Part of a derivative that two ways of working it out may differ by; ReLUs and maxima have kinks."""
+"""Largest relative difference of two derivatives. ReLUs and maxima are not differentiable everywhere."""
 ROUNDING = 1e-7
-"""What rounding makes of a difference where there is no slope, as a part of the value."""
+"""Rounding error of a finite difference, relative to the value of the function."""
 
 
 def gradients(subject: Subject) -> None:
-    """Gradients reach each layer and whatever learned parts made, and are finite."""
+    """Gradients reach each layer and each input that comes from a trained part, and are finite."""
     must: set[str] = set()
     reached: set[str] = set()
     for draw in range(DRAWS):
-        module = subject.lively(draw).train()
+        module = subject.perturbed(draw).train()
         tensors = given(module, subject.widths, seed=draw)
         learned = {name: tensors[name].requires_grad_() for name in learns_from(module)}
         must |= learned.keys() | layers(module).keys()
-        made = call(module, subject.widths.rate, tensors)
-        if made.requires_grad:
-            torch.autograd.backward((made * torch.randn_like(made)).sum())
+        output = call(module, subject.widths.rate, tensors)
+        if output.requires_grad:
+            torch.autograd.backward((output * torch.randn_like(output)).sum())
         reached |= arrived(subject, {**{name: [t] for name, t in learned.items()}, **layers(module)})
         if not must - reached:
             break
@@ -40,9 +40,9 @@ def gradients(subject: Subject) -> None:
 
 
 def layers(module: nn.Module, prefix: str = "") -> dict[str, list[nn.Parameter]]:
-    """Each layer that has weights of its own to learn, by name.
+    """Trainable weights of each layer, by name.
 
-    A layer is reached if one of its weights is: some biases can have no gradient, such as one before a softmax.
+    A layer counts as reached if one of its weights is: some biases have no gradient, such as one before a softmax.
     """
     found = {}
     for name, layer in module.named_modules():
@@ -53,7 +53,7 @@ def layers(module: nn.Module, prefix: str = "") -> dict[str, list[nn.Parameter]]
 
 
 def arrived(subject: Subject, groups: Mapping[str, list[Tensor] | list[nn.Parameter]]) -> set[str]:
-    """Groups of which a tensor has a gradient that is somewhere not zero.
+    """Names of the groups with a tensor whose gradient is not zero.
 
     Raises:
         CheckFailed: a gradient is not finite.
@@ -75,44 +75,46 @@ def arrived(subject: Subject, groups: Mapping[str, list[Tensor] | list[nn.Parame
 
 
 def demand(subject: Subject, must: set[str], reached: set[str]) -> None:
-    """Raises CheckFailed where something that learns got no gradient."""
+    """Raise CheckFailed if a group has no gradient."""
     lost = sorted(must - reached)
     if lost:
         raise subject.failure(
             f"no gradient reaches {lost[0]}" + (f" nor {len(lost) - 1} others" if len(lost) > 1 else ""),
-            "that training moves every layer of the part, and what came before it",
-            "look for detach, no_grad, rounding and indices on the way; set requires_grad=False for fixed weights",
+            "gradients for every layer of the part, and for the parts before it",
+            "look for detach, no_grad, rounding and indices in between; set requires_grad=False for fixed weights",
         )
 
 
 def gradcheck(subject: Subject) -> None:
-    """In double precision autograd's derivative is that of differences, by the input and by the weights."""
-    module = subject.lively()
+    """Derivatives by autograd agree with finite differences, by the inputs and by the weights."""
+    module = subject.perturbed()
     tensors = given(module, subject.widths, count=FEW, batch=2)
     leaves = {name: tensors[name].requires_grad_() for name in learns_from(module)}
     weigh: list[Tensor] = []
 
     def value() -> Tensor:
-        made = call(module, subject.widths.rate, tensors)
+        output = call(module, subject.widths.rate, tensors)
         if not weigh:
-            weigh.append(torch.randn(made.shape, dtype=made.dtype))
-        return (made * weigh[0]).sum()
+            weigh.append(torch.randn(output.shape, dtype=output.dtype))
+        return (output * weigh[0]).sum()
 
     compare(subject, value, *({name: leaf} for name, leaf in leaves.items()), trained(module))
 
 
 def trained(module: nn.Module) -> dict[str, Tensor]:
-    """The weights that training moves."""
+    """Trainable weights by name."""
     return {name: weight for name, weight in module.named_parameters() if weight.requires_grad}
 
 
 def compare(subject: Subject, value: Callable[[], Tensor], *groups: Mapping[str, Tensor]) -> None:
-    """Raises CheckFailed where the derivative is wrong by all tensors of a group; the message names one by which it is.
+    """Raise CheckFailed if the derivative by the tensors of a group is wrong; the message names one of the tensors.
 
-    Many weights are moved at once, since each run of the part takes its time.
+    All tensors of a group are varied at once, which needs fewer runs of the part.
     """
     if not any(groups):
-        raise Skipped(f"{subject} has no weights and gets nothing that was learned: there is no derivative to check")
+        raise Skipped(
+            f"{subject} has no weights and takes no output of a trained part: there is no derivative to check"
+        )
     for leaves in filter(None, groups):
         found = _mismatch(value, leaves)
         if found is None:
@@ -130,16 +132,16 @@ def compare(subject: Subject, value: Callable[[], Tensor], *groups: Mapping[str,
 
 
 def _mismatch(value: Callable[[], Tensor], leaves: Mapping[str, Tensor]) -> str | None:
-    """What is wrong along each of several random directions; None where nothing is.
+    """Describe the mismatch along random directions; None if one of them shows none.
 
-    A result may jump, as where a step of it is itself a slope: some difference then reaches over no jump. Where it is
-    rounded much, a longer one is exact enough.
+    Several steps are tried: a short one, since the function may be discontinuous, and a long one, since it may be
+    rounded.
     """
     found = None
     for step in STEPS:
         direction = {name: torch.randn(leaf.shape, dtype=leaf.dtype) for name, leaf in leaves.items()}
-        length = math.sqrt(sum(float(way.square().sum()) for way in direction.values()))
-        slope, difference, size = slopes(value, leaves, {n: way / length for n, way in direction.items()}, step)
+        length = math.sqrt(sum(float(part.square().sum()) for part in direction.values()))
+        slope, difference, size = slopes(value, leaves, {n: part / length for n, part in direction.items()}, step)
         if abs(slope - difference) <= SAME * max(abs(slope), abs(difference)) + ROUNDING * max(1.0, abs(size)):
             return None
         found = found or f"{slope:.6g} by autograd, {difference:.6g} by differences"

@@ -1,4 +1,4 @@
-"""Checks of objectives, on a small network of the suite's own."""
+"""Checks of objectives, on a small network of the suite."""
 
 from typing import Any
 
@@ -51,15 +51,15 @@ class _Refine(Backbone):
 
 
 class _Copies(Upsampler):
-    """Moves copies of each point: first half of them, then all."""
+    """Moves copies of each point. Half of them are the first stage."""
 
     def __init__(self, rate: int = RATE) -> None:
         super().__init__()
         self.layer = nn.Linear(WIDTHS.refined, 3 * rate)
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
-        ways: Tensor = self.layer(features)
-        return points.repeat_interleave(rate, dim=1) + ways.view(len(points), -1, 3)
+        offsets: Tensor = self.layer(features)
+        return points.repeat_interleave(rate, dim=1) + offsets.view(len(points), -1, 3)
 
     def stages(self, points: Points, features: Features, rate: int) -> list[Dense]:
         dense = self(points, features, rate)
@@ -67,7 +67,7 @@ class _Copies(Upsampler):
 
 
 def network(subject: Subject, seed: int = 0) -> Network:
-    """What objectives judge: small, smooth, in double precision, with the subject's upsampler where it has one."""
+    """Build a small, smooth network in double precision, with the subject's upsampler if it has one."""
     with seeded(seed):
         upsampler = _Copies() if subject.upsampler is None else subject.upsampler(WIDTHS)
         made = Network(_Lift(), None, _Mean(), _Refine(), upsampler).double()
@@ -78,29 +78,29 @@ def network(subject: Subject, seed: int = 0) -> Network:
 
 
 def judge(subject: Subject, module: Any, judged: Network, *, touched: bool = False) -> Any:
-    """The losses of a network on the suite's clouds, in the network's precision."""
+    """Compute the losses of a network on the suite's clouds, in the network's precision."""
     like = next(judged.parameters())
     points, truth = cloud(CLOUDS, COUNT, seed=3).to(like), cloud(CLOUDS, COUNT * RATE, seed=4).to(like)
-    touch = ((points[:, None, :8] * 0.9), torch.ones(CLOUDS, 1, dtype=torch.bool)) if touched else ()
+    touches = TouchBatch.of(points[:, None, :8] * 0.9) if touched else None
     try:
-        return module.losses(judged, points, truth, RATE, *touch)
+        return module.losses(judged, points, truth, RATE, touches)
     except UserError as error:
         subject.must_name_itself(error)
         raise subject.failure(
             f"it refuses the suite's network: {error}",
-            "that it judges some network",
-            "hand in the upsampler that it is made for: checks_for(Part, upsampler=…), or --upsampler NAME",
+            "losses of some network",
+            "give the suite the upsampler that it needs: checks_for(Part, upsampler=…), or --upsampler NAME",
         ) from error
 
 
 def judged(subject: Subject, module: nn.Module) -> Tensor:
-    """All losses of the suite's network in one tensor."""
+    """Compute the losses of the suite's network, stacked in one tensor."""
     found = judge(subject, module, network(subject).eval())
     return torch.stack([found[name] for name in sorted(found)])
 
 
 def losses(subject: Subject) -> None:
-    """Named, finite numbers, with touches and without, whose sum has a gradient."""
+    """Losses are named, finite scalars whose sum has a gradient, with and without touches."""
     for touched in (False, True):
         for training in (True, False):
             module = subject.built().train(training)
@@ -121,11 +121,11 @@ def _number(loss: Any) -> bool:
 
 
 def gradients(subject: Subject) -> None:
-    """Gradients reach each layer of the network that is judged, and of the objective itself; they are finite."""
+    """Gradients reach each layer of the network and of the objective, and are finite."""
     must: set[str] = set()
     reached: set[str] = set()
     for draw in range(DRAWS):
-        module, judged = subject.lively(draw).train(), network(subject, draw).train()
+        module, judged = subject.perturbed(draw).train(), network(subject, draw).train()
         groups = {**layers(judged, "network."), **layers(module)}
         must |= groups.keys()
         torch.autograd.backward(list(judge(subject, module, judged, touched=True).values()))
@@ -136,8 +136,8 @@ def gradients(subject: Subject) -> None:
 
 
 def coinciding_points(subject: Subject) -> None:
-    """A network that moves nothing yet makes points that coincide. Losses and gradients stay finite."""
-    module, judged = subject.lively().train(), network(subject).train()
+    """Losses and gradients are finite for coinciding points, which an untrained network may generate."""
+    module, judged = subject.perturbed().train(), network(subject).train()
     with torch.no_grad():
         for weight in judged.upsampler.parameters():
             weight.zero_()
@@ -156,8 +156,8 @@ def coinciding_points(subject: Subject) -> None:
 
 
 def gradcheck(subject: Subject) -> None:
-    """In double precision autograd's derivative is that of differences, by the weights of the network and its own."""
-    module, judged = subject.lively(), network(subject).eval()
+    """Derivatives by autograd agree with finite differences, by the weights of the network and of the objective."""
+    module, judged = subject.perturbed(), network(subject).eval()
 
     def value() -> Tensor:
         return torch.stack(list(judge(subject, module, judged).values())).sum()

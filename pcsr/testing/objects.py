@@ -1,4 +1,4 @@
-"""Checks of sources of shapes: names, objects and what decides them."""
+"""Checks of shape sources: names, objects and digests."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from pcsr.errors import UserError
 from pcsr.testing.subject import GIVE, Subject, pickled
 
 TRIED = 3
-"""Objects of each split that are loaded."""
+"""Number of objects of each split that are loaded."""
 
 
 def names(subject: Subject) -> None:
-    """Each split's names are texts in a fixed order, and no two objects of all splits have one name."""
+    """The names of a split are strings in a fixed order. Names are unique among all splits."""
     source, other = subject.built(), subject.built()
     found = _names(subject, source)
     if _names(subject, other) != found or _names(subject, source) != found:
@@ -41,7 +41,7 @@ def names(subject: Subject) -> None:
 
 
 def items(subject: Subject) -> None:
-    """Objects load, bear the name that was asked for, and have a surface; asked again, they are the same."""
+    """Objects can be loaded repeatedly with the same result, have the requested name, and have a surface."""
     source = subject.built()
     loaded = 0
     for name in _tried(subject, source):
@@ -82,7 +82,7 @@ def items(subject: Subject) -> None:
 
 
 def picklable(subject: Subject) -> None:
-    """Workers get a copy of it, which knows the same names and objects."""
+    """A pickled copy has the same names."""
     source = subject.built()
     copy = pickled(source)
     if _names(subject, copy) != _names(subject, source):
@@ -90,20 +90,20 @@ def picklable(subject: Subject) -> None:
 
 
 def digests(subject: Subject) -> None:
-    """What decides an object is told as a text that stays the same, from instance to instance."""
+    """The digest of an object is a string, the same from every instance."""
     source, other = subject.built(), subject.built()
     for name in _tried(subject, source):
-        told, again = source.digest(name), other.digest(name)
-        if not isinstance(told, str) or told != again:
+        digest, again = source.digest(name), other.digest(name)
+        if not isinstance(digest, str) or digest != again:
             raise subject.failure(
-                f"its digest of '{name}' is {told!r}, then {again!r}",
+                f"its digest of '{name}' is {digest!r}, then {again!r}",
                 "one text, wherever the files lie",
                 "let it depend on contents alone",
             )
 
 
 def _names(subject: Subject, source: ShapeSource | Any) -> dict[str, list[Any]]:
-    """Names by split; a split may be refused."""
+    """Names by split, without splits that are refused."""
     found = {}
     for split in SPLITS:
         try:

@@ -1,7 +1,7 @@
-"""Derivatives by differences, of functions that keep some of their values out of the gradient on purpose.
+"""Finite differences of functions with values that are detached from the gradient on purpose.
 
-A network looks for neighbours under `torch.no_grad`, and a GAN judges a detached cloud. A plain difference quotient
-sees such values move and calls the gradient wrong. Here they are held fixed, as the gradient takes them to be.
+Neighbours are searched under `torch.no_grad`, and a discriminator is trained on a detached cloud. A plain difference
+quotient includes the change of such values, which autograd ignores. Here they are kept constant.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,8 +13,8 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_map
 
 
-class StopGradients(TorchFunctionMode):
-    """The first run notes all that is detached or computed without gradients; the next ones get the same again."""
+class FrozenDetached(TorchFunctionMode):
+    """Records values that are detached, or computed without gradients, in one run and repeats them in later runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,7 +24,7 @@ class StopGradients(TorchFunctionMode):
         self._off = False
 
     def rewind(self) -> None:
-        """Begin another run."""
+        """Start another run."""
         self._again, self._place, self._off = True, 0, False
 
     def __torch_function__(
@@ -34,12 +34,12 @@ class StopGradients(TorchFunctionMode):
         args: tuple[Any, ...] = (),
         kwargs: dict[str, Any] | None = None,
     ) -> Any:
-        """Stand between the part and each of torch's functions."""
+        """Record or repeat the result of a function of torch."""
         result = func(*args, **(kwargs or {}))
         if func is torch._C._set_grad_enabled:
             self._off = not args[0]
             return result
-        # A custom `autograd.Function` computes without gradients too, but says so in C++ and is not held.
+        # A custom `autograd.Function` disables gradients in C++, which does not show here.
         if not (self._off or func in (Tensor.detach, torch.detach)):
             return result
         if not self._again:
@@ -51,23 +51,26 @@ class StopGradients(TorchFunctionMode):
 
 
 def _copied(result: Any) -> Any:
-    # Work under no_grad may go on in place.
+    # Code under no_grad may change a result in place.
     return tree_map(lambda one: one.clone() if isinstance(one, Tensor) else one, result)
 
 
 def slopes(
     value: Callable[[], Tensor], leaves: Mapping[str, Tensor], direction: Mapping[str, Tensor], step: float
 ) -> tuple[float, float, float]:
-    """The derivative of a number along a direction: by autograd, by a central difference; and the number.
+    """Compute the derivative of a function along a direction: by autograd, and by a central difference.
 
     Args:
-        value: computes the number from `leaves`, in double precision.
-        leaves: tensors that require gradients; they are moved and put back.
-        direction: for each leaf a tensor of its shape, together of length 1.
-        step: how far along it the difference reaches.
+        value: computes the value of the function from `leaves`, in double precision.
+        leaves: tensors that require gradients; they are changed and restored.
+        direction: a tensor for each leaf, of its shape; together of length 1.
+        step: of the difference.
+
+    Returns:
+        The derivative by autograd, the one by the difference, and the value.
     """
-    held = StopGradients()
-    with held:
+    frozen = FrozenDetached()
+    with frozen:
         number = value()
     slope = 0.0
     if number.requires_grad:
@@ -76,13 +79,13 @@ def slopes(
         slope = sum(float((gradient * along).sum()) for gradient, along in pairs if gradient is not None)
     start = {name: leaf.detach().clone() for name, leaf in leaves.items()}
     numbers = []
-    for way in (step, -step, 0.0):
+    for offset in (step, -step, 0.0):
         with torch.no_grad():
             for name, leaf in leaves.items():
-                leaf.copy_(start[name] + way * direction[name])
-        if way:
-            held.rewind()
-            with held:
+                leaf.copy_(start[name] + offset * direction[name])
+        if offset:
+            frozen.rewind()
+            with frozen:
                 moved = value()
             numbers.append(float(moved.detach()))
     return slope, (numbers[0] - numbers[1]) / (2 * step), float(number.detach())

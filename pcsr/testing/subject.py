@@ -1,4 +1,4 @@
-"""The part under test: its kind, its options, and instances of it."""
+"""The part that is tested: its kind, its options, and its instances."""
 
 import pickle  # noqa: TID251 for what workers are handed, not for files
 import re
@@ -24,37 +24,37 @@ WIDTHS = (
     Widths(visual=64, touch=3, refined=130, rate=2),
     Widths(visual=37, touch=5, refined=51, rate=3),
 )
-"""Those that a network part is built for. It may refuse some; the first that it takes serves most checks."""
+"""Widths for which a network part is built. It may refuse some; most checks use the first that it accepts."""
 NETWORK = ("encoder", "fusion", "backbone", "upsampler")
-"""Kinds that the host hands `Widths` to."""
+"""Kinds of part whose constructor takes `Widths`."""
 GIVE = "checks_for(Part, option=…), or pcsr plugins check NAME --set option=…"
-"""How the suite is told options."""
+"""How options are given to the suite, in messages."""
 SHAKE = 0.05
-"""Standard deviation of what is added to each weight of a lively instance."""
+"""Standard deviation of the perturbation of the weights in `Subject.perturbed`."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A part and what every check needs to know of it."""
+    """A part and the inputs of its checks."""
 
     part: type[Any]
     kind: str
     options: Mapping[str, Any]
     item: ShapeItem | None = None
-    """The object that a touch source is to touch; None: the suite's own."""
+    """Object for a touch source; None: the suite's own."""
     upsampler: type[Upsampler] | None = None
-    """What an objective judges the network of; None: the suite's own."""
+    """Upsampler of the network for an objective; None: the suite's own."""
 
     def __str__(self) -> str:
-        """How messages call it."""
+        """Return the name of the part in messages."""
         return f"{self.kind} {self.part.__name__}"
 
     def failure(self, found: str, expected: str, remedy: str) -> CheckFailed:
-        """The error of a failed check, to be raised."""
+        """Create the error of a failed check."""
         return CheckFailed(f"{self}: {found}; expected is {expected}: {remedy}")
 
     def check(self, name: str, run: Callable[["Subject"], None]) -> Check:
-        """A check of this part: with random numbers of its own, and whatever the part may raise told as a failure."""
+        """Create a check of this part. It has a seed of its own, and any error that the part raises is a failure."""
 
         def guarded() -> None:
             try:
@@ -71,23 +71,23 @@ class Subject:
                 raise self.failure(
                     f"it changed {' and '.join(changes)}",
                     "that a part leaves the process around it as it is",
-                    "hand the dtype, the device and the like to each function that takes them",
+                    "pass the dtype, the device and the like to each function that takes them",
                 )
 
         return Check(name, guarded)
 
     def make(self, widths: Widths = WIDTHS[0], seed: int = 0) -> Any:
-        """An instance, its weights drawn from a seed; whatever its constructor raises comes through."""
+        """Build an instance with weights from a seed. Errors of the constructor are not caught."""
         host = (widths,) if self.kind in NETWORK else ()
         with seeded(seed):
             return self.part(*host, **self.options)
 
     @cached_property
     def widths(self) -> Widths:
-        """The first of `WIDTHS` that the part can be built for.
+        """First of `WIDTHS` for which the part can be built.
 
         Raises:
-            Skipped: there is none, which is for the check `builds` to tell.
+            Skipped: there is none; the check `builds` then fails.
         """
         for widths in WIDTHS:
             try:
@@ -98,7 +98,7 @@ class Subject:
         raise Skipped(f"{self} cannot be built: see the check 'builds'")
 
     def built(self, seed: int = 0) -> Any:
-        """An instance for `widths`, in `eval` mode where it is a module.
+        """Build an instance for `widths`, in `eval` mode if it is a module.
 
         Raises:
             Skipped: it cannot be built.
@@ -106,10 +106,10 @@ class Subject:
         made = self.make(self.widths, seed)
         return made.eval() if isinstance(made, nn.Module) else made
 
-    def lively(self, seed: int = 0) -> nn.Module:
-        """An instance in double precision with weights a little off those it starts with.
+    def perturbed(self, seed: int = 0) -> nn.Module:
+        """Build an instance in double precision with perturbed weights.
 
-        A layer that starts at zero hides whatever comes before it.
+        A layer whose weights are initially zero would hide mistakes in the layers before it.
         """
         module = cast(nn.Module, self.built(seed)).double()
         with torch.no_grad(), seeded(seed + 1000):
@@ -118,29 +118,29 @@ class Subject:
         return module
 
     def names_itself(self, error: UserError) -> bool:
-        """Whether a refusal says who refuses: the kind, the class or the file."""
+        """Whether the message of an error names the part: by its kind, its class or its file."""
         known = (self.kind, self.part.__name__, self.part.__module__.rpartition(".")[2])
         return any(_plain(name) in _plain(str(error)) for name in known)
 
     def must_name_itself(self, error: UserError) -> None:
-        """Fail for a refusal that leaves a person in the dark about who refuses.
+        """Fail if the message of an error does not name the part.
 
         Raises:
-            CheckFailed: it does.
+            CheckFailed: it does not.
         """
         if not self.names_itself(error):
             raise self.failure(
                 f"it refuses with '{error}'",
-                "that a refusal says which part refuses",
+                "that the message names the part",
                 f"begin the message with \"{self.kind} 'NAME' …\"",
             )
 
 
 def kind_of(part: type[Any]) -> str:
-    """The kind that a class is of.
+    """Kind of a part's class.
 
     Raises:
-        UserError: it is none.
+        UserError: the class is not a part.
     """
     for kind, name in KINDS.items():
         if isinstance(part, type) and issubclass(part, getattr(pcsr.contracts, name)):
@@ -150,35 +150,35 @@ def kind_of(part: type[Any]) -> str:
 
 
 def channels(subject: Subject, module: Any) -> int:
-    """What an encoder or backbone says of its width.
+    """Number of output channels that an encoder or backbone declares.
 
     Raises:
-        CheckFailed: nothing, or nothing of use.
+        CheckFailed: it declares none, or not a number.
     """
-    told = getattr(module, "channels", None)
-    if not isinstance(told, int) or isinstance(told, bool) or told < 1:
-        what = "features for each point" if isinstance(module, Encoder) else "features for the upsampler"
+    declared = getattr(module, "channels", None)
+    if not isinstance(declared, int) or isinstance(declared, bool) or declared < 1:
+        what = "features of each point" if isinstance(module, Encoder) else "features for the upsampler"
         raise subject.failure(
-            f"its attribute `channels` is {told!r}",
-            f"how many {what} it gives",
+            f"its attribute `channels` is {declared!r}",
+            f"the number of {what}",
             "set self.channels in the constructor",
         )
-    return told
+    return declared
 
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """Torch's random numbers from a seed, and back to where they were."""
+    """Seed torch's random numbers, and restore their state afterwards."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         yield
 
 
 def pickled(thing: Any) -> Any:
-    """What another process of the same program is handed."""
+    """Copy an object by pickling it, as it is sent to another process."""
     return pickle.loads(pickle.dumps(thing))
 
 
 def _plain(text: str) -> str:
-    """Lower case letters and digits alone: `UpDownUp`, `up_down_up` and 'up-down-up' are one name."""
+    """Reduce a name to lower case letters and digits: `UpDownUp`, `up_down_up` and 'up-down-up' are equal."""
     return re.sub(r"[^a-z0-9]", "", text.lower())

@@ -1,4 +1,4 @@
-"""Which checks there are for which kind."""
+"""The checks of each kind of part."""
 
 from collections.abc import Callable
 from typing import Any
@@ -45,7 +45,7 @@ OF_KIND: dict[str, Checks] = {
         "zero-touches": fusions.zero_touches,
         "missing-touches": fusions.missing_touches,
         "ragged-join": fusions.ragged_join,
-        "hears": fusions.hears,
+        "uses-touches": fusions.uses_touches,
     },
     "backbone": {},
     "upsampler": {"stages": upsamplers.stages},
@@ -82,32 +82,19 @@ OF_KIND: dict[str, Checks] = {
 def checks_for(
     part: type[Any], *, item: ShapeItem | None = None, upsampler: type[Upsampler] | None = None, **options: Any
 ) -> list[Check]:
-    """The checks of a part, whatever its kind. Nothing of the part runs before a check is called.
+    """Create the checks of a part of any kind. No code of the part runs before a check is called.
 
     Args:
         part: a class derived from a kind of part.
-        item: the object that a touch source is to touch; by default an egg 60 mm long.
-        upsampler: the upsampler of the network that an objective is to judge, where it is made for one.
-        options: of the part, where it cannot be built without, or is to be checked with others than its defaults.
+        item: object for a touch source; by default an egg 60 mm long.
+        upsampler: upsampler of the network for an objective, if it needs a certain one.
+        options: options of the part, where they differ from its defaults.
 
     Returns:
-        One record for each check: it is called, has a `name`, and as text is that name.
+        Checks: callables with a `name`, which is also their `str`.
 
     Raises:
-        UserError: `part` is of no kind.
-
-    Examples:
-        >>> class Scaled(pcsr.Encoder):
-        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
-        ...         super().__init__()
-        ...         self.channels, self.scale = 3, scale
-        ...
-        ...     def forward(self, points):
-        ...         return self.scale * points
-        >>> checks = pcsr.testing.checks_for(Scaled)
-        >>> checks[0].name
-        'builds'
-        >>> checks[0]()
+        UserError: `part` is not a part.
     """
     kind = kind_of(part)
     subject = Subject(part, kind, options, item, upsampler)
@@ -121,17 +108,5 @@ def checks_for(
 
 
 def check_part(part: type[Any], **options: Any) -> list[Outcome]:
-    """Run all checks of a part, with the arguments of `checks_for`, and tell what came of each.
-
-    Examples:
-        >>> class Scaled(pcsr.Encoder):
-        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
-        ...         super().__init__()
-        ...         self.channels, self.scale = 3, scale
-        ...
-        ...     def forward(self, points):
-        ...         return self.scale * points
-        >>> {outcome.result for outcome in pcsr.testing.check_part(Scaled)} <= {"passed", "skipped"}
-        True
-    """
+    """Run all checks of a part and return their outcomes. The arguments are those of `checks_for`."""
     return [check.outcome() for check in checks_for(part, **options)]

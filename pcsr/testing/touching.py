@@ -1,4 +1,4 @@
-"""Checks of touch sources, on an object of the suite's own or one that is handed in."""
+"""Checks of touch sources, on the suite's object or a given one."""
 
 from typing import Any
 
@@ -14,15 +14,15 @@ from pcsr.metrics.p2f import point_to_surface
 from pcsr.testing.subject import Subject, pickled
 
 SEEN = 256
-"""Points of the cloud that a source is told the camera sees."""
+"""Number of points of the cloud that a source is given."""
 COUNT = 3
-"""Touches that are asked for."""
+"""Number of touches that are requested."""
 NEAR = 0.1
-"""How far from the surface the middle one of a touch's points may lie, in radii of the object."""
+"""Largest median distance of a touch's points from the surface, in radii of the object."""
 
 
 def egg() -> ShapeItem:
-    """The suite's own object: 60 mm long, watertight, curved, and far from the origin of its frame."""
+    """Create the suite's object: 60 mm long, watertight, curved, and far from the origin of its frame."""
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     mesh.apply_scale([30.0, 22.0, 16.0])
     mesh.apply_translation([400.0, -250.0, 600.0])
@@ -30,19 +30,19 @@ def egg() -> ShapeItem:
 
 
 def touches(subject: Subject) -> None:
-    """As many touches as asked for, each of as many points as the others, on the surface, in the object's frame."""
+    """The requested number of touches is returned, all with the same number of points, on the surface of the object."""
     item = subject.item or egg()
     for count in (0, 1, COUNT):
-        felt = _touch(subject, count)
-        if not isinstance(felt, list) or len(felt) != count or not all(isinstance(one, Touch) for one in felt):
+        found = _touch(subject, count)
+        if not isinstance(found, list) or len(found) != count or not all(isinstance(one, Touch) for one in found):
             raise subject.failure(
-                f"{count} touches were asked for, and it gave {felt!r:.200}",
+                f"{count} touches were requested, and it returned {found!r:.200}",
                 f"a list of {count} pcsr.Touch",
                 "raise a UserError where the object cannot be touched that often",
             )
-        for number, touch in enumerate(felt):
+        for number, touch in enumerate(found):
             _sound(subject, item, number, touch)
-        sizes = {len(touch.points) for touch in felt}
+        sizes = {len(touch.points) for touch in found}
         if len(sizes) > 1:
             raise subject.failure(
                 f"its touches have {sorted(sizes)} points",
@@ -58,7 +58,7 @@ def _sound(subject: Subject, item: ShapeItem, number: int, touch: Touch) -> None
         raise subject.failure(
             f"the points of touch {number} have the shape {points.shape}, or are not finite",
             "(m, 3), m above 0, finite",
-            "raise a UserError where nothing was felt",
+            "raise a UserError where the sensor touched nothing",
         )
     fingers = max(1, len(poses))
     if finger.shape != (len(points),) or finger.min() < 0 or finger.max() >= fingers:
@@ -84,33 +84,33 @@ def _sound(subject: Subject, item: ShapeItem, number: int, touch: Touch) -> None
 
 
 def repeatable(subject: Subject) -> None:
-    """The same arguments give the same touches, from the same instance, another one and a pickled one."""
+    """The same arguments give the same touches, from the same instance, another one and a pickled copy."""
     source = subject.built()
-    felt = _touch(subject, COUNT, source)
+    found = _touch(subject, COUNT, source)
     for what, other in (
         ("itself", source),
         ("another instance", subject.built()),
         ("a pickled copy", pickled(source)),
     ):
-        if not _same(felt, _touch(subject, COUNT, other)):
+        if not _same(found, _touch(subject, COUNT, other)):
             raise subject.failure(
                 f"{what} gives other touches for the same arguments",
                 "the same touches",
                 "draw with numpy.random.default_rng((seed, number)) alone",
             )
     for name in ("egg", "egg/other"):
-        told, again = source.digest(name), pickled(source).digest(name)
-        if not isinstance(told, str) or told != again:
+        digest, again = source.digest(name), pickled(source).digest(name)
+        if not isinstance(digest, str) or digest != again:
             raise subject.failure(
-                f"its digest of '{name}' is {told!r}, then {again!r}", "one text", "let it depend on contents alone"
+                f"its digest of '{name}' is {digest!r}, then {again!r}", "one text", "let it depend on contents alone"
             )
 
 
 def prefix(subject: Subject) -> None:
-    """Fewer touches are the first of more."""
-    felt = _touch(subject, COUNT)
+    """Fewer touches are the first ones of more."""
+    found = _touch(subject, COUNT)
     for count in range(1, COUNT):
-        if not _same(felt[:count], _touch(subject, count)):
+        if not _same(found[:count], _touch(subject, count)):
             raise subject.failure(
                 f"{count} touches are not the first {count} of {COUNT}",
                 "that fewer are a prefix of more",
@@ -119,7 +119,7 @@ def prefix(subject: Subject) -> None:
 
 
 def leaves_inputs(subject: Subject) -> None:
-    """Neither the object nor its cloud is changed."""
+    """The object and its cloud are not changed."""
     item, cloud = _object(subject)
     before = (cloud.copy(), np.array(item.mesh.vertices), np.array(item.mesh.faces))
     subject.built().touches(item, cloud, 1, 0)
@@ -134,7 +134,7 @@ def _object(subject: Subject) -> tuple[ShapeItem, Float[np.ndarray, "n 3"]]:
 
 
 def _touch(subject: Subject, count: int, source: Any = None) -> list[Touch]:
-    """Touches of the object with seed 7.
+    """Touch the object, with seed 7.
 
     Raises:
         CheckFailed: the source refuses it.
@@ -142,14 +142,14 @@ def _touch(subject: Subject, count: int, source: Any = None) -> list[Touch]:
     source = subject.built() if source is None else source
     item, cloud = _object(subject)
     try:
-        felt: list[Touch] = source.touches(item, cloud, count, 7)
+        found: list[Touch] = source.touches(item, cloud, count, 7)
     except UserError as error:
         raise subject.failure(
             f"it refuses {count} touches of '{item.name}': {error}",
             "that it can touch something",
-            "hand in an object that it can touch: checks_for(Part, item=pcsr.ShapeItem(…)), or --mesh FILE",
+            "give the suite an object that it can touch: checks_for(Part, item=pcsr.ShapeItem(…)), or --mesh FILE",
         ) from error
-    return felt
+    return found
 
 
 def _same(some: list[Touch], others: list[Touch]) -> bool:

@@ -1,4 +1,4 @@
-"""Checks of upsamplers: the clouds on the way."""
+"""Checks of upsamplers: their intermediate clouds."""
 
 from typing import Any
 
@@ -10,22 +10,22 @@ from pcsr.testing.subject import Subject
 
 @torch.no_grad()
 def stages(subject: Subject) -> None:
-    """`stages` ends with what `forward` gives, and begins with the coarsest cloud."""
-    module: Any = subject.lively()
+    """`stages` returns clouds, the coarsest first; the last one is the output of `forward`."""
+    module: Any = subject.perturbed()
     tensors = given(module, subject.widths)
-    made = call(module, subject.widths.rate, tensors)
+    output = call(module, subject.widths.rate, tensors)
     clouds = module.stages(tensors["points"], tensors["features"], subject.widths.rate)
     if not isinstance(clouds, list) or not clouds:
         raise subject.failure(
             f"its `stages` gives {type(clouds).__name__}", "a list of clouds", "return [coarse, …, result]"
         )
-    if any(cloud.dim() != 3 or cloud.shape[0] != len(made) or cloud.shape[2] != 3 for cloud in clouds):
+    if any(cloud.dim() != 3 or cloud.shape[0] != len(output) or cloud.shape[2] != 3 for cloud in clouds):
         raise subject.failure(
             f"its stages have the shapes {[tuple(cloud.shape) for cloud in clouds]}",
-            f"({len(made)}, points, 3) for each",
+            f"({len(output)}, points, 3) for each",
             "give clouds, channels last",
         )
-    gap = apart(clouds[-1], made)
+    gap = apart(clouds[-1], output)
     if gap:
         raise subject.failure(
             f"its last stage is {gap:.2g} off the result of `forward`", "the same", "let `forward` give stages(…)[-1]"
@@ -35,5 +35,5 @@ def stages(subject: Subject) -> None:
         raise subject.failure(
             f"its stages have {sizes} points",
             "the coarsest cloud first",
-            "put them in the order of their making",
+            "return the coarsest first",
         )

@@ -1,4 +1,4 @@
-"""From a sparse cloud to a dense one: whole, in one pass, or of any size and to any number of points, in patches."""
+"""Upsampling of clouds: `upsample_as` as a recipe is evaluated, `densify` to any number of points."""
 
 from pcsr.upsample.dense import densify
 from pcsr.upsample.protocol import points_at_once, upsample_as

@@ -1,4 +1,4 @@
-"""Where new points come from: a network, or interpolation. Each gives many candidates for one patch."""
+"""Sources of candidate points for a patch: a network, or interpolation."""
 
 import functools
 import math
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.load import load_weights
@@ -20,94 +21,95 @@ from pcsr.tensors import CloudArray
 from pcsr.upsample.checks import check_finite
 
 TOUCH_POINTS = 512
-"""Points that a touch is given where the weights don't say how many it had in training."""
+"""Number of points of a touch where the weights do not say how many there were in training."""
 MOST_TOUCH_POINTS = 1 << 16
-"""A number of points above this is none that a network was trained with."""
+"""Largest plausible number of points of a touch in training."""
 
 
 class Candidates:
-    """Makes candidates. Cheap to pickle, as processes are sent it."""
+    """Base class of candidate sources. They are sent to worker processes, so that pickling must be cheap."""
 
     size: int
-    """Points of a patch."""
+    """Number of points of a patch."""
     rate: int
-    """Candidates for each of them."""
+    """Number of candidates for each point of a patch."""
 
     def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
-        """Candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere."""
+        """Generate candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Midpoints(Candidates):
-    """Interpolation: twice four, as that beats once sixteen."""
+    """Interpolation in two passes of rate 4, which is more accurate than one of rate 16."""
 
     size: int = 512
     rate: int = 16
 
     def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
-        """Midpoints of neighbours; touches mean nothing to it."""
+        """Return midpoints of neighbours; touches are ignored."""
         return midpoint(points, self.rate, passes=2)
 
 
 @dataclass(frozen=True)
 class Networked(Candidates):
-    """A network in memory."""
+    """Candidates from a network in memory."""
 
     network: Network
     size: int
     rate: int
     most_touches: int
-    """So many touches it was trained with; of more, the nearest."""
+    """Largest number of touches in training. If there are more, the nearest are used."""
     touch_points: int
+    """Number of points of each touch in training."""
 
     @classmethod
     def of(cls, network: Network, recipe: Recipe) -> "Networked":
-        """The network of a recipe, as it was trained."""
+        """Create the source from a network and the recipe that it was trained with."""
         return cls(
             network, recipe.network_points, recipe.network_rate, recipe.most_touches, _touch_points(recipe.data.touch)
         )
 
     @torch.inference_mode()
     def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
-        """What the network makes, before the farthest are kept: `densify` chooses itself.
+        """Return all points that the network generates, before thinning, since `densify` chooses among them.
 
         Raises:
-            RunError: something that is not finite.
+            RunError: a coordinate is not finite.
         """
         device = next(self.network.parameters()).device
 
         def tensor(cloud: CloudArray) -> torch.Tensor:
             return torch.from_numpy(cloud.astype(np.float32)).to(device)
 
-        chosen = self._chosen(touches)
-        touched = torch.stack([tensor(touch) for touch in chosen])[None] if chosen else None
-        dense = self.network.candidates(tensor(points)[None], self.rate, touched)[0].float().cpu().numpy()
+        resampled = self._resampled(touches)
+        batch = TouchBatch.of(torch.stack([tensor(touch) for touch in resampled])[None]) if resampled else None
+        dense = self.network.candidates(tensor(points)[None], self.rate, batch)[0].float().cpu().numpy()
         check_finite(dense)
         candidates: CloudArray = dense.astype(np.float64)
         return candidates
 
-    def _chosen(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
-        """As many touches of as many points as the network knows: the nearest ones, thinned or repeated."""
+    def _resampled(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
+        """The nearest touches, as many as in training, each with the number of points of training."""
         nearest = sorted(touches, key=lambda touch: float(np.linalg.norm(touch.mean(0))))[: self.most_touches]
-        chosen = []
+        resampled = []
         for touch in nearest:
-            rows = np.lexsort(touch.T)  # whatever order they came in
+            rows = np.lexsort(touch.T)  # the result does not depend on the order of the points
             rng = np.random.default_rng(len(rows))
             drawn = [rng.permutation(rows) for _ in range(math.ceil(self.touch_points / len(rows)))]
-            chosen.append(touch[np.concatenate(drawn)[: self.touch_points]])
-        return chosen
+            resampled.append(touch[np.concatenate(drawn)[: self.touch_points]])
+        return resampled
 
 
 def _touch_points(source: PartSpec) -> int:
-    """Points of a touch in training, where its source says so; it may be anybody's, and its options mean anything."""
+    """Number of points of a touch in training, if the touch source has a plausible option `points`."""
     points = source.options.get("points")
     return points if type(points) is int and 1 <= points <= MOST_TOUCH_POINTS else TOUCH_POINTS
 
 
 @dataclass(frozen=True)
 class Stored(Candidates):
-    """A network in a weights file: what other processes are sent instead of the network."""
+    """Candidates from a network in a weights file, which is cheaper to send to other processes than the network."""
 
     path: Path
     plugins: tuple[Path, ...]
@@ -115,13 +117,15 @@ class Stored(Candidates):
     rate: int
 
     def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
-        """As `Networked`; the file is read once in each process."""
+        """Return the candidates of `Networked`; each process reads the file once."""
         return _loaded(self.path, self.plugins)(points, touches)
 
 
 @functools.lru_cache(maxsize=2)
 def _loaded(path: Path, plugins: tuple[Path, ...]) -> Networked:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PcsrWarning)  # whoever sent the path has loaded it too, and was warned
+        warnings.simplefilter(
+            "ignore", PcsrWarning
+        )  # the process that sent the path has loaded the file and shown its warnings
         network, recipe, _ = load_weights(path, load_plugins(plugins))
     return Networked.of(network, recipe)

@@ -1,4 +1,4 @@
-"""A cloud of any size to any number of points, patch by patch."""
+"""Upsampling of a cloud of any size to any number of points, patch by patch."""
 
 import functools
 import math
@@ -23,15 +23,16 @@ from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
 
 FEWEST = 16
-"""Points that a cloud must have."""
+"""Smallest number of points of a cloud."""
 GAP = 2.0
-"""A touch is in a gap of the cloud, which is no news, if it is no farther away than so many mean distances there."""
+"""A touched point closer to the cloud than `GAP` local spacings lies in a gap of the cloud, and needs no warning."""
 ALONE = WorkerPool(None, 1)
+"""The pool of this process alone."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One patch, and how many new points its core is to get."""
+    """One patch, and the number of new points of its core."""
 
     points: CloudArray
     core: int
@@ -50,30 +51,30 @@ def densify(
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Float[np.ndarray, "new 3"]:
-    """The points that make a cloud one of `count`.
+    """Generate the points that complete a cloud to `count` points.
 
-    Patches are independent of each other: each chooses, among the candidates nearest to its core's points, those that
-    fill the gaps best. Each core gets new points in proportion to its own, so the cloud's density keeps its pattern.
-    Where the cloud has no points but something was touched, a few touched points are treated as points of the cloud.
+    Patches are processed independently. Among the candidates near its core, each patch chooses those that fill the gaps
+    best. A core gets new points in proportion to its own number of points, so that relative densities are preserved.
+    Touched points in regions without cloud points are subsampled to the cloud's density and added to the cloud.
 
     Args:
-        points: the cloud, in any frame and unit; finite.
-        count: points in all: the old and the new, or the new alone.
-        source: where candidates come from.
-        touches: touched points in the frame and unit of `points`.
-        keep: whether the old points are among the `count`.
-        pool: who works on the patches.
-        advance: called after each patch, with the points of the cloud that are done and all of them.
+        points: the cloud, (n 3), in any frame and unit; finite.
+        count: number of points of the result: old and new ones if `keep`, otherwise new ones alone.
+        source: generates the candidates.
+        touches: touched points, one array for each touch, in the frame and unit of `points`.
+        keep: whether the old points are part of the result.
+        pool: processes that work on the patches.
+        advance: called after each patch with the number of points processed and the number of all points.
 
     Returns:
-        The new points: `count` less the cloud's if these are kept. Touched points where the cloud had none come first,
-        then the order follows the cloud's shape.
+        The new points. Touched points in regions without cloud points come first; the order of the others follows the
+        shape of the cloud.
 
     Raises:
         UserError: too few points, all of them on one spot, or a count that cannot be reached.
 
     Warns:
-        PcsrWarning: something was touched where the cloud has no points.
+        PcsrWarning: there are touched points in regions without cloud points.
     """
     cloud = np.asarray(points, np.float64)
     n = len(cloud)
@@ -85,26 +86,26 @@ def densify(
         raise UserError(
             f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
         )
-    made: list[CloudArray] = []
+    parts: list[CloudArray] = []
     touched = unseen(cloud, touches)
     if len(touched):
         _warn_of_unseen(cloud, touched, new)
-        made = [touched[:new]]
-        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(made[0])
-    while new > source.rate * n:  # in as many passes as it takes
-        # Equal steps, each as large as the source can go.
+        parts = [touched[:new]]
+        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
+    while new > source.rate * n:
+        # The fewest passes that reach the count, all with the same rate.
         passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
         step = round(n * (new / n + 1) ** (1 / passes)) - n
         added = _one_pass(cloud, step, source, touches, True, pool, advance)
         if keep:
-            made.append(added)
+            parts.append(added)
         cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
-    made.append(_one_pass(cloud, new, source, touches, keep, pool, advance))
-    return np.concatenate(made) if len(made) > 1 else made[0]
+    parts.append(_one_pass(cloud, new, source, touches, keep, pool, advance))
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
 def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
-    """What is taken for unseen may be seen, and the arm be wrong: nothing but the distance tells."""
+    """Warn of touched points away from the cloud: the region may be unseen, or the pose of the sensor wrong."""
     tree = cKDTree(cloud)
     distance, nearest = tree.query(touched)
     spacing = tree.query(cloud[nearest], k=FEWEST)[0].mean(1)
@@ -129,15 +130,15 @@ def _one_pass(
     advance: Callable[[int, int], None],
 ) -> CloudArray:
     done = at = 0
-    made = np.zeros((new, 3))
+    added = np.zeros((new, 3))
     work = functools.partial(_fill, source, keep)
     cores: deque[int] = deque()
     for filled in pool.map(work, _tasks(cloud, new, source, touches, cores)):
-        made[at : at + len(filled)] = filled
+        added[at : at + len(filled)] = filled
         at += len(filled)
         done += cores.popleft()
         advance(done, len(cloud))
-    return made
+    return added
 
 
 def _tasks(
@@ -149,21 +150,21 @@ def _tasks(
         share = (before + patch.core) * new // len(cloud) - before * new // len(cloud)
         before += patch.core
         cores.append(patch.core)
-        met = list(touches) if patch.core == len(cloud) else _met(points, touches)
-        yield Task(points, patch.core, met, share)
+        near = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
+        yield Task(points, patch.core, near, share)
 
 
-def _met(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
-    """What the patch has of each touch that reaches into it."""
+def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
+    """The touched points within the sphere around a patch, for each touch that has any."""
     centre = points.mean(0)
     radius = np.linalg.norm(points - centre, axis=1).max()
     inside = [touch[np.linalg.norm(touch - centre, axis=1) <= radius] for touch in touches]
     return [touch for touch in inside if len(touch)]
 
 
-@threads(1)  # a Dask worker has its own; where `densify` has set it already this costs nothing
+@threads(1)  # a Dask worker sets its own number of threads
 def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
-    """The new points of one patch's core, found in the patch's own frame."""
+    """Generate the new points of a patch's core, in the patch's own frame."""
     if task.count == 0:
         return np.zeros((0, 3))
     frame = OwnFrame.of(task.points)
@@ -171,13 +172,13 @@ def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points = points[order]
     candidates = source(points, [frame.normalize(touch) for touch in task.touches])
-    close, distance, nearest = within_reach(candidates, points)
-    candidates, distance, mine = candidates[close], distance[close], nearest[close] < task.core
-    chosen = candidates[spread_out(candidates, distance if keep else None, mine, task.count)]
+    valid, distance, nearest = within_reach(candidates, points)
+    candidates, distance, in_core = candidates[valid], distance[valid], nearest[valid] < task.core
+    chosen = candidates[spread_out(candidates, distance if keep else None, in_core, task.count)]
     missing = between(points, task.core, task.count - len(chosen))
     return frame.denormalize(np.concatenate([chosen, missing]))
 
 
 def _sorted(points: CloudArray) -> Int[np.ndarray, " n"]:
-    """An order that does not hang on the one that the points came in."""
+    """Lexicographic order of the points, whatever order they are given in."""
     return np.lexsort(points.T)

@@ -1,7 +1,7 @@
-"""The field's protocol: overlapping patches, each in its own unit sphere, merged and thinned by farthest points.
+"""The field's test protocol: overlapping patches, each in its own unit sphere, merged and thinned by farthest points.
 
-As PU-Net (Yu et al., CVPR 2018, Sec. 3.1) and PU-GAN (Li et al., ICCV 2019) cut and merge them. Where the rate of the
-network is less than what is asked for, it is applied to what it made, as the field makes 16x of 4x.
+Patches are cut and merged as by PU-Net (Yu et al., CVPR 2018, Sec. 3.1) and PU-GAN (Li et al., ICCV 2019). For a rate
+above the network's, the network is applied repeatedly, such as twice at rate 4 for rate 16.
 """
 
 import math
@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from pcsr.contracts import TouchBatch
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.patches import in_patch
@@ -21,7 +22,7 @@ from pcsr.tensors import CloudArray
 from pcsr.upsample.checks import check_finite
 
 AT_ONCE = 8
-"""Patches that the network sees together."""
+"""Number of patches in one batch of the network."""
 
 
 @torch.inference_mode()
@@ -35,14 +36,14 @@ def upsample_patches(
         points: the sparse cloud, in any frame and unit.
         rate: output points for each input point, a power of the patches' rate.
         touches: touched points in the frame and unit of `points`, the same number for each touch.
-        patches: how to cut.
+        patches: size, rate and overlap of the patches.
 
     Returns:
         The dense cloud in the frame and unit of `points`, float64.
 
     Raises:
         UserError: a cloud that is empty or not finite.
-        RunError: the network gave something that is not finite.
+        RunError: the network generated a coordinate that is not finite.
     """
     sphere = UnitSphere.fit(points)
     cloud = sphere.normalize(points)
@@ -54,7 +55,7 @@ def upsample_patches(
 
 
 def _pass(network: Network, cloud: CloudArray, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
-    """Every patch through the network once."""
+    """Upsample every patch once, and merge the results."""
     device = next(network.parameters()).device
     goal = patches.rate * len(cloud)
     start = network.upsampler.prepare(torch.from_numpy(cloud)[None].to(device), patches.rate)[0].float().cpu().numpy()
@@ -63,18 +64,17 @@ def _pass(network: Network, cloud: CloudArray, touched: Float[np.ndarray, "a m 3
     count = min(n, math.ceil(patches.overlap * n / size)) if n > size else 1
     seeds = start[farthest_points(start, count)]
     rows = cKDTree(start).query(seeds, range(1, size + 1))[1]
-    made = []
+    dense = []
     for some in np.array_split(rows, math.ceil(count / AT_ONCE)):
         spheres = [UnitSphere.fit(start[patch]) for patch in some]
         inside = torch.from_numpy(np.stack([s.normalize(start[p]) for s, p in zip(spheres, some, strict=True)]))
-        touches, mask = None, None
+        touches = None
         if len(touched):
-            in_spheres = np.stack([[sphere.normalize(touch) for touch in touched] for sphere in spheres])
-            touches = torch.from_numpy(in_spheres).to(device)
-            mask = in_patch(touches)
-        dense = network(inside.to(device), left, touches, mask).float().cpu().numpy()
-        made += [sphere.denormalize(one) for sphere, one in zip(spheres, dense, strict=True)]
-    merged = np.concatenate(made)
+            clouds = torch.from_numpy(np.stack([[s.normalize(touch) for touch in touched] for s in spheres])).to(device)
+            touches = TouchBatch.of(clouds, in_patch(clouds))
+        outputs = network(inside.to(device), left, touches).float().cpu().numpy()
+        dense += [sphere.denormalize(one) for sphere, one in zip(spheres, outputs, strict=True)]
+    merged = np.concatenate(dense)
     check_finite(merged)
     thinned: CloudArray = merged[farthest_points(merged, goal)].astype(np.float32)
     return thinned

@@ -1,4 +1,4 @@
-"""The way in which a recipe's network is applied: to the whole cloud at once, or to patches of it."""
+"""Application of a recipe's network to one cloud: as a whole, or in patches, as the recipe says."""
 
 from collections.abc import Sequence
 
@@ -17,9 +17,9 @@ def upsample_as(
     points: Float[np.ndarray, "n 3"],
     touches: Sequence[Float[np.ndarray, "m 3"]] = (),
 ) -> Float[np.ndarray, "rn 3"]:
-    """Upsample one cloud at the recipe's rate, as its tables are made.
+    """Upsample one cloud at the recipe's rate, as in the evaluation of the recipe.
 
-    Args and errors as those of `upsample` and `upsample_patches`.
+    Arguments and errors are those of `upsample` and `upsample_patches`.
     """
     if recipe.patches is None:
         return upsample(network, points, recipe.data.rate, touches)
@@ -27,5 +27,5 @@ def upsample_as(
 
 
 def points_at_once(recipe: Recipe) -> int:
-    """The most points that the network sees together in `upsample_as`."""
+    """Largest number of points in one batch of the network in `upsample_as`."""
     return recipe.data.points if recipe.patches is None else AT_ONCE * recipe.patches.points

@@ -1,4 +1,4 @@
-"""Touched points where the cloud has none: a side that no camera saw, which a finger reached."""
+"""Touched points in regions where the cloud has no points, such as a side that no camera saw."""
 
 from collections.abc import Sequence
 
@@ -12,36 +12,36 @@ from pcsr.tensors import CloudArray
 from pcsr.upsample.gaps import REACH, spacing
 
 EVEN = 0.85
-"""Even points that keep so much of a spacing from each other are about as dense as random ones of that spacing."""
+"""Least distance of subsampled points, in spacings of the cloud. Evenly spaced points at this distance are about as
+dense as random points of spacing 1."""
 FIRST = 64
-"""So many points are tried first; four times as many, if all of them are far enough from each other, and so on."""
+"""Number of points in the first attempt at subsampling. It is multiplied by 4 until it suffices."""
 
 
 def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[CloudArray]) -> CloudArray:
-    """Touched points that are new to the cloud, as dense as its own are in the median.
+    """Select touched points in regions without cloud points, subsampled to the cloud's median density.
 
-    New is what lies farther from every point than new points may (`gaps.REACH`). A finger feels hundreds of points
-    where the cloud would have ten: all of them would weigh more than what was seen, and draw all new points to them.
+    A touched point is in such a region if it is farther from every point than new points may be (`gaps.REACH`). Touches
+    are much denser than the cloud. Without subsampling they would attract all new points.
 
     Args:
-        points: the cloud, in any frame and unit.
-        touches: touched points in the same.
+        points: the cloud, (n 3), in any frame and unit.
+        touches: touched points, one array for each touch, in the same frame and unit.
 
     Returns:
-        Some of the touched points, exactly; the first are the farthest from each other. None, if the cloud has points
-        wherever something was touched.
+        The selected points, unchanged, in the order of farthest point sampling; (0 3) if there is no such region.
     """
     if not touches:
         return np.zeros((0, 3))
     touched = np.unique(np.concatenate(touches), axis=0)
-    seen = np.unique(points, axis=0)  # beside a copy of itself no point has a spacing
+    seen = np.unique(points, axis=0)  # the spacing at a duplicate point would be 0
     own = spacing(seen)
     distance, nearest = cKDTree(seen).query(touched)
     touched = touched[distance > REACH * own[nearest]]
     if len(touched) == 0:
         return np.zeros((0, 3))
-    apart, count = EVEN * float(np.median(own)), FIRST  # the nearest are at a border, and sparser than the rest
-    while True:  # a recording may hold a million points, of which a few hundred are kept
+    apart, count = EVEN * float(np.median(own)), FIRST  # the nearest points lie at a border, where the cloud is sparser
+    while True:  # of a million recorded points only a few hundred are kept
         ordered: CloudArray = touched[farthest_points(touched, min(count, len(touched)))]
         kept = spread_prefix(ordered, apart)
         if kept < len(ordered) or kept == len(touched):

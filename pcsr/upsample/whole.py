@@ -1,4 +1,4 @@
-"""From a person's cloud to a dense one: into the network's frame, through the network, and back."""
+"""Upsampling of a whole cloud in one pass of a network."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
 from pcsr.network.network import Network
@@ -32,15 +33,15 @@ def upsample(
 
     Raises:
         UserError: a cloud that is empty or not finite, or touches of different sizes.
-        RunError: the network gave something that is not finite.
+        RunError: the network generated a coordinate that is not finite.
     """
     if len({len(touch) for touch in touches}) > 1:
         raise UserError(f"touches: expected one size, got {[len(touch) for touch in touches]} points")
     sphere = UnitSphere.fit(points)
     device = next(network.parameters()).device
     cloud = torch.from_numpy(sphere.normalize(points))[None].to(device)
-    inside = [torch.from_numpy(sphere.normalize(touch)) for touch in touches]
-    touched = torch.stack(inside)[None].to(device) if inside else None
-    dense = sphere.denormalize(network(cloud, rate, touched)[0].float().cpu().numpy())
+    touched = np.stack([sphere.normalize(touch) for touch in touches]) if len(touches) else None
+    batch = None if touched is None else TouchBatch.of(torch.from_numpy(touched)[None].to(device))
+    dense = sphere.denormalize(network(cloud, rate, batch)[0].float().cpu().numpy())
     check_finite(dense)
     return dense

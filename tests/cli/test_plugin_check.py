@@ -27,10 +27,10 @@ class Picky(parts.Pats):
 
 
 class Choosy(parts.Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         if not isinstance(network.upsampler, parts.Copy):
             raise UserError("objective 'choosy' wants the upsampler 'copy'")
-        return super().losses(network, points, truth, rate, touches, mask)
+        return super().losses(network, points, truth, rate, touches)
 
 
 class Tuples(parts.Boxes):

@@ -60,15 +60,15 @@ def test_an_epoch_shows_each_object_at_most_once_and_epochs_differ_in_order():
 
 def test_each_batch_draws_its_own_number_of_touches():
     made = batches("redraw", "rotate", touches=(1, 3))
-    counts = [made.at(step).touches.shape[1] for step in range(30)]
+    counts = [made.at(step).touches.points.shape[1] for step in range(30)]
     assert set(counts) == {1, 2, 3}
-    assert batches(*ALL, touches=(0, 0)).at(0).touches.shape == (4, 0, 8, 3)
+    assert batches(*ALL, touches=(0, 0)).at(0).touches.points.shape == (4, 0, 8, 3)
 
 
 def test_touches_of_a_row_are_different_touches_of_its_object():
     made = batches(touches=(3, 3), size=1, count=1)
     sphere = UnitSphere.fit(made.split.points[0].numpy())
-    felt = made.at(0).touches[0]
+    felt = made.at(0).touches.points[0]
     assert {touch.numpy().tobytes() for touch in felt} == {
         sphere.normalize(touch.numpy()).tobytes() for touch in made.split.touches[0]
     }
@@ -124,8 +124,8 @@ def test_rotations_have_no_favourite_direction():
 def test_all_clouds_of_a_row_move_together(augment):
     still, moved = batches(touches=(2, 2)).at(0), batches(*augment, touches=(2, 2)).at(0)
     for row in range(4):
-        a = torch.cat([still.points[row], still.touches[row].flatten(0, 1), still.truth[row]]).double()
-        b = torch.cat([moved.points[row], moved.touches[row].flatten(0, 1), moved.truth[row]]).double()
+        a = torch.cat([still.points[row], still.touches.points[row].flatten(0, 1), still.truth[row]]).double()
+        b = torch.cat([moved.points[row], moved.touches.points[row].flatten(0, 1), moved.truth[row]]).double()
         change = torch.linalg.lstsq(a, b).solution
         torch.testing.assert_close(a @ change, b, atol=1e-5, rtol=0)
         square = change @ change.T
@@ -139,14 +139,14 @@ def test_all_clouds_of_a_row_move_together(augment):
 def test_jitter_moves_the_sparse_cloud_alone_and_little():
     still, moved = batches(touches=(2, 2)).at(0), batches("jitter", touches=(2, 2)).at(0)
     assert torch.equal(still.truth, moved.truth)
-    assert torch.equal(still.touches, moved.touches)
+    assert torch.equal(still.touches.points, moved.touches.points)
     noise = moved.points - still.points
     assert noise.abs().max() <= 3 * JITTER + 1e-6
     assert float(noise.std()) == pytest.approx(JITTER, rel=0.3)
 
 
 def test_without_patches_every_touch_is_there():
-    assert batches(touches=(2, 2)).at(0).mask.all()
+    assert batches(touches=(2, 2)).at(0).touches.mask.all()
 
 
 @given(seed=st.integers(0, 1000))

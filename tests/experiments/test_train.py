@@ -9,7 +9,8 @@ from pcsr import Objective
 from pcsr.data.batches import Batches
 from pcsr.data.loading import prepared
 from pcsr.errors import RunError, UserError
-from pcsr.experiments.train import CHECKPOINT, learning_rate, train, validate
+from pcsr.experiments.recorder import CHECKPOINT, validate
+from pcsr.experiments.train import learning_rate, train
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Entry
 from pcsr.recipe import Recipe
@@ -82,7 +83,7 @@ def test_a_loss_that_is_not_finite_ends_it_and_the_checkpoint_before_stays(recip
     registry.add(Entry("objective", "infinite", Infinite, "test", "0"))
     objective = recipe.train.objective.model_copy(update={"use": "infinite", "options": {}})
     broken = recipe.model_copy(update={"train": recipe.train.model_copy(update={"objective": objective})})
-    with pytest.raises(RunError, match=r"the loss is nan at step 3 of 8 .*lower train\.rate"):
+    with pytest.raises(RunError, match=r"the loss is nan at step 3 of 8 .*lower train\.learning_rate"):
         trained(broken, tmp_path / "run", registry=registry, checkpoint_every=0.0)
     assert [line["step"] for line in history(tmp_path / "run") if "loss" in line] == [1, 2]
     steps = []
@@ -111,8 +112,8 @@ class Judge(Objective):
     def forward(self, prediction, target):
         return {"off": (prediction.mean(1) - target.mean(1)).square().sum() + self.own}
 
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        stages = network.stages(points, rate, touches, mask)
+    def losses(self, network, points, truth, rate, touches=None):
+        stages = network.stages(points, rate, touches)
         return {"stages": torch.tensor(float(len(stages))), **self(stages[-1], truth)}
 
 

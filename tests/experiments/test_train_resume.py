@@ -7,7 +7,7 @@ import signal
 import pytest
 import torch
 
-from pcsr.experiments.train import CHECKPOINT, Progress
+from pcsr.experiments.recorder import CHECKPOINT, Progress
 from pcsr.recipe import Recipe
 from pcsr.run_files import HISTORY
 from tests.small_training import STEPS, history, same, stop_at, threads_of_steps, tiny, trained

@@ -2,6 +2,7 @@ import pytest
 import torch
 from torch import nn
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import UserError
 from pcsr.grafting import graft
 from pcsr.network.network import fuse
@@ -16,7 +17,7 @@ def test_the_fused_features_are_those_of_the_hosts_own_fuse(world):
     grafted = case.graft()
     net = grafted.network
     visual = net.mlp2(net.mlp1(points.transpose(1, 2).unsqueeze(-1)))[..., 0].transpose(1, 2)
-    fused = fuse(grafted.fusion, grafted.touch_encoder, points, visual, touches, torch.ones(3, 2, dtype=torch.bool))
+    fused = fuse(grafted.fusion, grafted.touch_encoder, points, visual, TouchBatch.of(touches))
     offsets = [net.coordinates(net.expand[i](fused.transpose(1, 2)[..., None]))[..., 0] for i in range(4)]
     expected = torch.cat([points + offset.transpose(1, 2) for offset in offsets], 1)
     torch.testing.assert_close(case.call(grafted, points, touches=touches), expected)

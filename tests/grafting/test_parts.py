@@ -34,7 +34,7 @@ def test_the_default_touch_encoder_is_a_unet_of_a_quarter_of_the_width(width, ch
 
 
 class JoinsToo(Bias):
-    def join(self, points, touches, mask):
+    def join(self, points, touches):
         return points
 
 
@@ -46,9 +46,9 @@ class JoinsToo(Bias):
         ({"fusion": {"use": "iterative", "pool": "max"}}, r"fusion 'iterative'\.pool: it must be .*got 'max'"),
         ({"fusion": {"use": "concat", "touches": "two"}}, r"fusion 'concat'\.touches: it must be a whole number"),
         ({"fusion": {"pool": "none"}}, r"fusion \{'pool': 'none'\}: give a name"),
-        ({"touch_encoder": {"use": "unet", "channels": {1}}}, "encoder 'unet': options are what JSON can write"),
+        ({"touch_encoder": {"use": "unet", "channels": {1}}}, "encoder 'unet': JSON cannot represent its options"),
         ({"touch_encoder": {"use": "unet", "channels": -8}}, "encoder 'unet'.channels: it must be 2 or more, got -8"),
-        ({"fusion": "none"}, "fusion 'none' joins touched points.*cannot tell which outputs"),
+        ({"fusion": "none"}, "fusion 'none' joins touched points.*does not know which outputs"),
         ({"fusion": JoinsToo(Widths())}, "fusion 'JoinsToo' joins touched points"),
         (
             {"fusion": Concat(Widths(visual=9, touch=8))},

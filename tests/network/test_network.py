@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from pcsr import TouchBatch
 from pcsr.contracts import Trait, Upsampler
 from pcsr.errors import UserError
 from pcsr.metrics.chamfer import chamfer
@@ -24,9 +25,9 @@ def test_zero_touches_are_no_touches_bit_for_bit(clouds, fusion):
     net = network(*fusion)
     alone = net(points, RATE)
     assert alone.shape == (4, RATE * N, 3)
-    assert torch.equal(net(points, RATE, touches[:, :0]), alone)
-    assert torch.equal(net(points, RATE, touches, torch.zeros(4, 3, dtype=torch.bool)), alone)
-    assert not torch.equal(net(points, RATE, touches), alone)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches[:, :0])), alone)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches, torch.zeros(4, 3, dtype=torch.bool))), alone)
+    assert not torch.equal(net(points, RATE, TouchBatch.of(touches)), alone)
 
 
 @pytest.mark.parametrize("fusion", ["iterative", "concat"])
@@ -36,9 +37,9 @@ def test_rows_of_a_mixed_batch_are_the_rows_alone(clouds, fusion):
     net = network(f"model.fusion={fusion}")
     counts = (2, 0, 3, 1)
     mask = torch.arange(3) < torch.tensor(counts)[:, None]
-    mixed = net(points, RATE, touches, mask)
+    mixed = net(points, RATE, TouchBatch.of(touches, mask))
     for row, count in enumerate(counts):
-        felt = touches[row : row + 1, :count] if count else None
+        felt = TouchBatch.of(touches[row : row + 1, :count]) if count else None
         torch.testing.assert_close(mixed[row : row + 1], net(points[row : row + 1], RATE, felt), atol=1e-5, rtol=0)
 
 
@@ -48,9 +49,9 @@ def test_what_stands_in_the_place_of_a_missing_touch_does_not_matter(clouds):
     net, mask = network(), torch.tensor([[True, False, True]] * 4)
     other = touches.clone()
     other[:, 1] = 0.5
-    assert torch.equal(net(points, RATE, touches, mask), net(points, RATE, other, mask))
-    close = net(points, RATE, touches[:, [0, 2]])
-    torch.testing.assert_close(net(points, RATE, touches, mask), close, atol=1e-5, rtol=0)
+    assert torch.equal(net(points, RATE, TouchBatch.of(touches, mask)), net(points, RATE, TouchBatch.of(other, mask)))
+    close = net(points, RATE, TouchBatch.of(touches[:, [0, 2]]))
+    torch.testing.assert_close(net(points, RATE, TouchBatch.of(touches, mask)), close, atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("fusion", ["iterative", "concat"])
@@ -58,7 +59,7 @@ def test_gradients_reach_every_part_and_the_touch_encoder(clouds, fusion):
     points, touches = clouds
     net = network(f"model.fusion={fusion}")
     mask = torch.tensor([[True, True, True], [False, False, False], [True, False, False], [True, True, False]])
-    (net(points, RATE, touches, mask) ** 2).sum().backward()
+    (net(points, RATE, TouchBatch.of(touches, mask)) ** 2).sum().backward()
     for name, weight in net.named_parameters():
         assert weight.grad is not None, name
         assert weight.grad.isfinite().all(), name
@@ -72,8 +73,8 @@ def test_the_order_of_the_points_does_not_matter(clouds, fusion):
     points, touches = clouds
     net, shuffled = network(*fusion), torch.randperm(N, generator=torch.Generator().manual_seed(5))
     truth = torch.randn(4, 50, 3, generator=torch.Generator().manual_seed(6)) / 2
-    before = chamfer(net(points, RATE, touches), truth)
-    after = chamfer(net(points[:, shuffled], RATE, touches), truth)
+    before = chamfer(net(points, RATE, TouchBatch.of(touches)), truth)
+    after = chamfer(net(points[:, shuffled], RATE, TouchBatch.of(touches)), truth)
     torch.testing.assert_close(after, before, rtol=1e-4, atol=0)
 
 
@@ -89,7 +90,7 @@ def test_points_in_file_order_do_matter(clouds):
 def test_without_fusion_the_output_is_thinned_to_the_rate(clouds):
     points, touches = clouds
     net = network(*NO_FUSION)
-    dense = net(points, RATE, touches[:, :2])
+    dense = net(points, RATE, TouchBatch.of(touches[:, :2]))
     assert dense.shape == (4, RATE * N, 3)
     joined = torch.cat([points, touches[:, :2].flatten(1, 2)], dim=1)
     full = net(joined, RATE)
@@ -119,8 +120,8 @@ def test_the_network_sees_what_its_upsampler_prepares_and_makes_the_rest(clouds)
     net = network()
     net.upsampler = Doubled()
     expected = torch.cat([points, points + 0.1], 1).repeat_interleave(2, dim=1)
-    assert torch.equal(net(points, 4, touches), expected)
-    (stage,) = net.stages(points, 4, touches)
+    assert torch.equal(net(points, 4, TouchBatch.of(touches)), expected)
+    (stage,) = net.stages(points, 4, TouchBatch.of(touches))
     assert torch.equal(stage, expected)
     assert torch.equal(net(points, 1), points)
 
@@ -136,7 +137,7 @@ def test_a_seed_gives_its_weights_and_leaves_the_random_state_alone():
 
 
 def test_a_touch_encoder_that_nobody_hears_is_refused():
-    with pytest.raises(UserError, match=r"'none' hears no touch features.*remove it"):
+    with pytest.raises(UserError, match=r"'none' uses no touch features.*remove it"):
         network("model.fusion=none")
 
 
@@ -165,7 +166,7 @@ def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(
     assert net.upsampler.max_rate_per_pass == 8
     assert torch.equal(net(points, 16), net(net(points, 4), 4))
     assert torch.equal(net(points, 8), net.stages(points, 8)[-1])
-    dense = net(points, 16, touches)
+    dense = net(points, 16, TouchBatch.of(touches))
     assert dense.shape == (4, 16 * N, 3)
     for made, felt in zip(dense, touches.flatten(1, 2), strict=True):
         assert (torch.cdist(made, felt).amin(1) == 0).sum() > len(felt) / 2

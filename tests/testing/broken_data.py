@@ -18,13 +18,13 @@ COUNTER = itertools.count()
 
 
 class AList(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        return list(self(network(points, rate, touches, mask), truth).values())
+    def losses(self, network, points, truth, rate, touches=None):
+        return list(self(network(points, rate, touches), truth).values())
 
 
 class OneForEachCloud(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
-        return {"squares": network(points, rate, touches, mask).square().mean((1, 2))}
+    def losses(self, network, points, truth, rate, touches=None):
+        return {"squares": network(points, rate, touches).square().mean((1, 2))}
 
 
 class DetachedLoss(Squares):
@@ -33,17 +33,17 @@ class DetachedLoss(Squares):
 
 
 class RefusesNamelessly(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         raise UserError("not this network")
 
 
 class RefusesTheNetwork(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         raise UserError("objective 'refuses' wants an upsampler with a distance")
 
 
 class ForgetsTouches(Squares):
-    def losses(self, network, points, truth, rate, touches=None, mask=None):
+    def losses(self, network, points, truth, rate, touches=None):
         return self(network(points, rate), truth)
 
 
@@ -279,7 +279,7 @@ BROKEN = [
     ("gradcheck", WrongBackward, r"by differences by network\."),
     ("deterministic", Unseeded, "in eval mode the same input gives results"),
     ("weights", PlainTensor, "with its weights another instance gives"),
-    ("touches", OneTooFew, "3 touches were asked for"),
+    ("touches", OneTooFew, "3 touches were requested"),
     ("touches", AtTheOrigin, "touch 0 lies .* radii off the surface of 'egg'"),
     ("touches", InMetres, "touch 0 lies .* radii off the surface of 'egg'"),
     ("touches", Nothing, r"have the shape \(0, 3\)"),

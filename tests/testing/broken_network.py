@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from pcsr import Trait, UserError
+from pcsr import TouchBatch, Trait, UserError
 from tests.testing.parts import Attend, Copy, Join, Lift, Refine
 
 
@@ -188,17 +188,17 @@ class SetInFileOrder(Copy):
 
 
 class JoinsWhatIsMissing(Join):
-    def join(self, points, touches, mask):
-        return super().join(points, touches, torch.ones_like(mask))
+    def join(self, points, touches):
+        return super().join(points, TouchBatch.of(touches.points))
 
 
 class RemembersTouches(Join):
     last = None
 
-    def join(self, points, touches, mask):
-        if mask.any():
-            self.last = touches, mask
-        return super().join(points, *(self.last or (touches, mask)))
+    def join(self, points, touches):
+        if touches.mask.any():
+            self.last = touches
+        return super().join(points, self.last or touches)
 
 
 class SumsOfTouches(Attend):
@@ -226,10 +226,11 @@ class CountsByShape(Attend):
 
 
 class RefusesRagged(Join):
-    def join(self, points, touches, mask):
-        if (mask.sum(1) != mask.sum(1)[0]).any():
+    def join(self, points, touches):
+        counts = touches.mask.sum(1)
+        if (counts != counts[0]).any():
             raise UserError("unequal")
-        return super().join(points, touches, mask)
+        return super().join(points, touches)
 
 
 class Deaf(Attend):
@@ -242,8 +243,8 @@ class HearsNothing(Attend):
 
 
 class ForgetsTheCloud(Join):
-    def join(self, points, touches, mask):
-        return points if not mask.any() else super().join(points, touches, mask)[:, points.shape[1] // 2 :]
+    def join(self, points, touches):
+        return points if not touches.mask.any() else super().join(points, touches)[:, points.shape[1] // 2 :]
 
 
 class FirstTouchFirst(Attend):
@@ -320,24 +321,28 @@ BROKEN = [
     ("weights", RandomWidth, "an instance of another seed does not take its weights"),
     ("export", ExportsOtherwise, "for a batch of 1 its exported graph is .* off"),
     ("export", RowByRow, "takes batches of one size alone"),
-    ("trait-point-order-free", InFileOrder, "claims 'permutation-equivariant', but with its points in another order"),
     (
-        "trait-point-order-free",
+        "trait-permutation-equivariant",
+        InFileOrder,
+        "claims 'permutation-equivariant', but with its points in another order",
+    ),
+    (
+        "trait-permutation-equivariant",
         SetInFileOrder,
         "claims 'permutation-equivariant', but with its points in another order",
     ),
     ("zero-touches", JoinsWhatIsMissing, "with 2 missing touches its `join`"),
-    ("zero-touches", RemembersTouches, "with no touch its `join` turns a cloud of 128 points into another, of 176"),
+    ("zero-touches", RemembersTouches, "with no touch its `join` changes a cloud of 128 points into one of 176"),
     ("zero-touches", SumsOfTouches, "ZeroDivisionError"),
     ("zero-touches", VarianceOfTouches, "with 1 touches of 1 points it gives .*not finite"),
-    ("missing-touches", IgnoresTheMask, "what lies in a missing touch moves the result"),
+    ("missing-touches", IgnoresTheMask, "the contents of a missing touch change the result"),
     ("missing-touches", CountsByShape, "a cloud with 1 touch comes out"),
     ("ragged-join", RefusesRagged, "refuses with 'unequal'"),
-    ("hears", Deaf, "other touches change nothing"),
-    ("hears", HearsNothing, "hears no features, joins no points and has no anchors"),
-    ("hears", ForgetsTheCloud, "points of the cloud are not in it"),
+    ("uses-touches", Deaf, "other touches change nothing"),
+    ("uses-touches", HearsNothing, "uses no touch features, joins no points and keeps none"),
+    ("uses-touches", ForgetsTheCloud, "points of the cloud are not in it"),
     (
-        "trait-touch-order-free",
+        "trait-touch-permutation-invariant",
         FirstTouchFirst,
         "claims 'touch-permutation-invariant', but with its touches in another order",
     ),

@@ -54,12 +54,12 @@ class Join(Fusion):
     def __init__(self, widths) -> None:
         super().__init__()
 
-    def join(self, points, touches, mask):
-        most = int(mask.sum(1).max()) if mask.numel() else 0
+    def join(self, points, touches):
+        most = int(touches.mask.sum(1).max()) if touches.mask.numel() else 0
         rows = []
-        for row, there, own in zip(points, mask, touches, strict=True):
+        for row, there, own in zip(points, touches.mask, touches.points, strict=True):
             felt = own[there].flatten(0, 1)
-            missing = (most - int(there.sum())) * touches.shape[2]
+            missing = (most - int(there.sum())) * touches.points.shape[2]
             rows.append(torch.cat([row, felt, row[:1].expand(missing, -1)]))
         return torch.stack(rows)
 

@@ -67,7 +67,7 @@ def test_a_trait_that_holds_and_is_not_claimed_is_reported():
         traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     with pytest.raises(Skipped, match="does not claim 'touch-permutation-invariant', though it held here: claim it"):
-        run("trait-touch-order-free", Modest)
+        run("trait-touch-permutation-invariant", Modest)
 
 
 def test_a_part_that_computes_outside_of_torch_is_not_exported():
@@ -108,7 +108,7 @@ def test_a_layer_that_starts_at_zero_hides_nothing():
 
     run("gradients", Zero)
     with pytest.raises(CheckFailed, match="another order"):
-        run("trait-point-order-free", ZeroInFileOrder)
+        run("trait-permutation-equivariant", ZeroInFileOrder)
 
 
 def test_what_is_kept_out_of_the_gradient_on_purpose_is_not_called_wrong():
@@ -161,10 +161,10 @@ def test_an_objective_made_for_one_upsampler_is_handed_it():
             self.special = True
 
     class Picky(Squares):
-        def losses(self, network, points, truth, rate, touches=None, mask=None):
+        def losses(self, network, points, truth, rate, touches=None):
             if not hasattr(network.upsampler, "special"):
                 raise UserError("objective 'picky' wants the upsampler 'own'")
-            return super().losses(network, points, truth, rate, touches, mask)
+            return super().losses(network, points, truth, rate, touches)
 
     with pytest.raises(CheckFailed, match="refuses the suite's network"):
         run("gradients", Picky)

@@ -79,4 +79,4 @@ def test_what_is_handed_over_is_told_field_by_field(kind, record):
 
 def test_what_an_objective_may_call_is_told():
     told = {row.removeprefix("network.") for row in rows(PAGES["objective"]) if row.startswith("network")}
-    assert told == {*methods(contracts.UpsamplingNetwork), "upsampler", "network(points, rate, touches, mask)"}
+    assert told == {*methods(contracts.UpsamplingNetwork), "upsampler", "network(points, rate, touches)"}

@@ -26,7 +26,7 @@ class Echo(nn.Module):
         self.asked = []
 
     def candidates(self, points, rate, touches=None):
-        self.asked.append(touches)
+        self.asked.append(None if touches is None else touches.points)
         return points.repeat_interleave(rate, dim=1) * self.factor
 
 
@@ -47,13 +47,13 @@ def test_a_network_gives_its_rate_of_candidates_in_double_precision():
 def test_touches_become_as_many_points_as_the_network_knows():
     echo = Echo()
     networked(echo)(ball(), [ball(4, 1), ball(10, 2), ball(300, 3)])
-    (heard,) = echo.asked
-    assert heard.shape == (1, 3, 10, 3)
-    different = sorted(len({tuple(point) for point in touch.numpy().round(5)}) for touch in heard[0])
+    (given,) = echo.asked
+    assert given.shape == (1, 3, 10, 3)
+    different = sorted(len({tuple(point) for point in touch.numpy().round(5)}) for touch in given[0])
     assert different == [4, 10, 10], "a touch of four points has each of them two or three times"
 
 
-def test_of_more_touches_than_it_knows_the_nearest_are_heard():
+def test_of_more_touches_than_it_knows_the_nearest_are_used():
     echo = Echo()
     touches = [np.full((10, 3), place) for place in (0.9, 0.1, 0.5, 0.3, 0.7)]
     networked(echo)(ball(), touches)

@@ -21,8 +21,8 @@ class Copies(Network):
         self.upsampler = Upsampler()
         self.seen = []
 
-    def forward(self, points, rate, touches=None, mask=None):
-        self.seen.append((points, touches, mask))
+    def forward(self, points, rate, touches=None):
+        self.seen.append((points, touches))
         step = torch.arange(rate)[:, None] * 1e-3
         return (points[:, :, None] + step).flatten(1, 2)
 
@@ -39,10 +39,9 @@ def test_a_cloud_of_one_patch_goes_through_once():
     network = Copies()
     dense = upsample_patches(network, cloud(16), 4, [], patches())
     assert dense.shape == (64, 3)
-    ((points, touches, mask),) = network.seen
+    ((points, touches),) = network.seen
     assert points.shape == (1, 16, 3)
     assert touches is None
-    assert mask is None
 
 
 @pytest.mark.parametrize("rate", [4, 16])
@@ -50,7 +49,7 @@ def test_every_patch_is_in_its_own_sphere_and_each_pass_takes_what_the_last_one_
     network = Copies()
     dense = upsample_patches(network, cloud(), rate, [], patches())
     assert dense.shape == (100 * rate, 3)
-    seen = torch.cat([points for points, _, _ in network.seen])
+    seen = torch.cat([points for points, _ in network.seen])
     torch.testing.assert_close(seen.norm(dim=-1).amax(1), torch.ones(len(seen)))
     torch.testing.assert_close(seen.mean(1), torch.zeros(len(seen), 3), atol=1e-5, rtol=0)
     passes = [100] if rate == 4 else [100, 400]
@@ -68,7 +67,7 @@ def test_one_pass_is_patches_around_farthest_points_merged_and_thinned():
         patch = local[np.linalg.norm(local - seed, axis=1).argsort()[:16]]
         middle = patch.mean(0)
         expected.append((patch - middle) / np.linalg.norm(patch - middle, axis=1).max())
-    seen = torch.cat([points for points, _, _ in network.seen]).numpy()
+    seen = torch.cat([points for points, _ in network.seen]).numpy()
     np.testing.assert_allclose(seen, expected, atol=1e-5)
     # Thinned by farthest points, of twelve copies of each point about the same number of each are left.
     nearest = np.linalg.norm(dense[:, None] - given, axis=2).argmin(1)
@@ -88,7 +87,7 @@ def test_an_upsampler_that_interpolates_does_so_before_patches_are_cut():
     network.upsampler = Doubled()
     dense = upsample_patches(network, cloud(64), 4, [], patches())
     assert dense.shape == (256, 3)
-    seen = torch.cat([points for points, _, _ in network.seen])
+    seen = torch.cat([points for points, _ in network.seen])
     assert seen.shape == (12, 32, 3)  # 128 points, each in three patches of twice as many points
     # Each point's copy is there too, but for those that the border cuts off.
     apart = torch.cdist(seen, seen)
@@ -100,14 +99,14 @@ def test_touches_come_along_into_each_patch_and_are_there_where_they_are_near():
     network, given = Copies(), cloud()
     felt = given[np.linalg.norm(given - given[0], axis=1).argsort()[:3]]
     upsample_patches(network, given, 4, [felt, felt + 1000.0], patches())
-    masks = torch.cat([mask for _, _, mask in network.seen])
+    masks = torch.cat([touches.mask for _, touches in network.seen])
     assert masks[:, 0].any()
     assert not masks[:, 0].all()
     assert not masks[:, 1].any()
     # Touched points are points of the cloud: in a patch that has them all they lie where its own do.
     held = 0
-    for points, touches, mask in network.seen:
-        for patch, felt_there, there in zip(points, touches[:, 0], mask[:, 0], strict=True):
+    for points, touches in network.seen:
+        for patch, felt_there, there in zip(points, touches.points[:, 0], touches.mask[:, 0], strict=True):
             assert bool(there) == (float(felt_there.mean(0).norm()) <= 1)
             held += bool((torch.cdist(felt_there, patch).amin(1) < 1e-4).all())
     assert held >= 1
@@ -115,7 +114,7 @@ def test_touches_come_along_into_each_patch_and_are_there_where_they_are_near():
 
 def test_what_is_not_finite_is_told():
     class Broken(Copies):
-        def forward(self, points, rate, touches=None, mask=None):
+        def forward(self, points, rate, touches=None):
             return super().forward(points, rate) * torch.nan
 
     with pytest.raises(RunError, match="not finite"):

@@ -1,4 +1,4 @@
-"""The fusion `attention` keeps what a fusion promises, and computes what its README says."""
+"""The fusion `attention` passes the conformance checks, and computes what its README says."""
 
 import pytest
 import torch
@@ -36,18 +36,18 @@ def plain(part, points, features, touches):
     """The README's two lines, one visual point and one head after another."""
     fused = features.clone()
     for b, row in enumerate(touches.mask):
-        felt, told = touches.points[b, row].flatten(0, 1), touches.features[b, row].flatten(0, 1)
+        touched, of_touched = touches.points[b, row].flatten(0, 1), touches.features[b, row].flatten(0, 1)
         for i, point in enumerate(points[b]):
-            near = (felt - point).norm(dim=1).argsort()[: part.neighbours]
-            way = felt[near] - point
-            w, u = part.way(torch.cat([way, way.norm(dim=1, keepdim=True)], 1)).split([2, 8], dim=1)
-            heard = []
+            near = (touched - point).norm(dim=1).argsort()[: part.neighbours]
+            offset = touched[near] - point
+            w, u = part.position(torch.cat([offset, offset.norm(dim=1, keepdim=True)], 1)).split([2, 8], dim=1)
+            messages = []
             for head in range(2):
                 part_of = slice(4 * head, 4 * head + 4)
                 q = part.query(features[b, i])[part_of]
-                k, v = part.key(told[near])[:, part_of], part.value(told[near])[:, part_of]
-                heard.append(torch.softmax(k @ q / 2 + w[:, head], 0) @ (v + u[:, part_of]))
-            fused[b, i] += part.out(torch.cat(heard))
+                k, v = part.key(of_touched[near])[:, part_of], part.value(of_touched[near])[:, part_of]
+                messages.append(torch.softmax(k @ q / 2 + w[:, head], 0) @ (v + u[:, part_of]))
+            fused[b, i] += part.out(torch.cat(messages))
     return fused
 
 

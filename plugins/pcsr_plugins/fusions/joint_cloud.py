@@ -14,9 +14,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr import Widths
+from pcsr import TouchBatch, Widths
 from pcsr.geometry.ordering import hilbert_order
-from pcsr.tensors import Points, TouchMask, TouchPoints
+from pcsr.tensors import Points
 from pcsr_plugins.fusions.none import NoFusion
 from pcsr_plugins.layers.options import Count
 
@@ -36,17 +36,18 @@ class JointCloud(NoFusion):
         super().__init__(widths)
         self.points = points
 
-    def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
-        """In training every k-th point of each touch along its Hilbert curve, after the cloud's points.
+    def join(self, points: Points, touches: TouchBatch) -> Float[Tensor, "b joined 3"]:
+        """In training every so manieth point of each touch, along its Hilbert curve, behind the cloud's.
 
         Touches of no points are left out.
 
         Raises:
             UserError: rows of the batch hold different numbers of touches, so that their clouds would differ in size.
         """
-        if not (self.training and touches.shape[2]):
+        m = touches.points.shape[2]
+        if not (self.training and m):
             return points
-        some = min(self.points, touches.shape[2])
-        step = torch.arange(some, device=touches.device) * touches.shape[2] // max(some, 1)
-        index = hilbert_order(touches)[..., step].unsqueeze(-1)
-        return super().join(points, touches.gather(2, index.expand(-1, -1, -1, 3)), mask)
+        some = min(self.points, m)
+        step = torch.arange(some, device=points.device) * m // max(some, 1)
+        index = hilbert_order(touches.points)[..., step].unsqueeze(-1)
+        return super().join(points, TouchBatch.of(touches.points.gather(2, index.expand(-1, -1, -1, 3)), touches.mask))

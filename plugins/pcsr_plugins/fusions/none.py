@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr import Fusion, TouchBatch, Trait, UserError, Widths
-from pcsr.tensors import Features, Points, TouchMask, TouchPoints
+from pcsr.tensors import Features, Points
 
 
 class NoFusion(Fusion):
@@ -27,18 +27,18 @@ class NoFusion(Fusion):
         """Change nothing."""
         return features
 
-    def join(self, points: Points, touches: TouchPoints, mask: TouchMask) -> Float[Tensor, "b joined 3"]:
+    def join(self, points: Points, touches: TouchBatch) -> Float[Tensor, "b joined 3"]:
         """Put the touched points behind the cloud's.
 
         Raises:
             UserError: rows of the batch hold different numbers of touches, so that their clouds would
                 differ in size.
         """
-        counts = mask.sum(1)
+        counts = touches.mask.sum(1)
         if (counts != counts[0]).any():
             name = type(self).__module__.rpartition(".")[2].replace("_", "-")
             raise UserError(
-                f"fusion '{name}' joins the touches to the cloud, so one batch must hold the same number of touches in "
-                f"each row, got {counts.tolist()}: group the rows by their number of touches"
+                f"fusion '{name}' joins the touches to the cloud, so one batch must hold the same number of touches "
+                f"in each row, got {counts.tolist()}: group the rows by their number of touches"
             )
-        return torch.cat([points, touches[mask].view(len(points), -1, 3)], dim=1)
+        return torch.cat([points, touches.points[touches.mask].view(len(points), -1, 3)], dim=1)

@@ -16,9 +16,9 @@ from jaxtyping import Float
 from pydantic import Field
 from torch import Tensor
 
-from pcsr import Objective, UpsamplingNetwork
+from pcsr import Objective, TouchBatch, UpsamplingNetwork
 from pcsr.metrics.chamfer import chamfer
-from pcsr.tensors import Points, TouchMask, TouchPoints
+from pcsr.tensors import Points
 from pcsr_plugins.layers.options import Weight
 from pcsr_plugins.layers.point_losses import hinge_repulsion
 
@@ -60,11 +60,10 @@ class DisPU(Objective):
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
+        touches: TouchBatch | None = None,
     ) -> dict[str, Float[Tensor, ""]]:
         """All stages' terms; counts the batch."""
-        *coarse, fine = network.stages(points, rate, touches, mask)
+        *coarse, fine = network.stages(points, rate, touches)
         losses: dict[str, Tensor] = self(fine, truth)
         if coarse:
             apart = torch.stack([chamfer(cloud, truth).mean() for cloud in coarse])

@@ -12,10 +12,10 @@ from jaxtyping import Float
 from pydantic import Field
 from torch import Tensor
 
-from pcsr import Objective, UpsamplingNetwork, UserError
+from pcsr import Objective, TouchBatch, UpsamplingNetwork, UserError
 from pcsr.geometry.neighbours import gather
 from pcsr.metrics.nearest import nearest
-from pcsr.tensors import Dense, Points, TouchMask, TouchPoints
+from pcsr.tensors import Dense, Points
 from pcsr_plugins.layers.distance_regressor import DistanceRegressor
 
 
@@ -37,8 +37,7 @@ class GradPU(Objective):
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
+        touches: TouchBatch | None = None,
     ) -> dict[str, Float[Tensor, ""]]:
         """One loss, named `distance`.
 
@@ -52,7 +51,7 @@ class GradPU(Objective):
                 f"set model.upsampler to descent, or train.objective to chamfer"
             )
         start = upsampler.prepare(points, rate)
-        cloud, features = network.refine(start, touches, mask)
+        cloud, features = network.refine(start, touches)
         queries = self._noisy(start)
         predicted = upsampler.distance(queries, cloud, features)
         return {"distance": (predicted - distance(queries, truth)).abs().sum(1).mean()}

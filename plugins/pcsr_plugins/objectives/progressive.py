@@ -10,10 +10,10 @@ later levels see patches that don't quite match their truth, and adds a fiftieth
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr import Objective
+from pcsr import Objective, TouchBatch
 from pcsr.contracts import UpsamplingNetwork
 from pcsr.metrics.chamfer import chamfer
-from pcsr.tensors import Points, TouchMask, TouchPoints
+from pcsr.tensors import Points
 from pcsr_plugins.layers.farthest import farthest
 
 
@@ -32,11 +32,10 @@ class ProgressiveChamfer(Objective):
         points: Points,
         truth: Float[Tensor, "b g 3"],
         rate: int,
-        touches: TouchPoints | None = None,
-        mask: TouchMask | None = None,
+        touches: TouchBatch | None = None,
     ) -> dict[str, Float[Tensor, ""]]:
         """One loss for each level, named by its points: `chamfer-512`."""
-        clouds = network.stages(points, rate, touches, mask)
+        clouds = network.stages(points, rate, touches)
         sizes = [cloud.shape[1] for cloud in clouds]
         most = max((size for size in sizes if size < truth.shape[1]), default=0)
         thinned = farthest(truth, most) if most else truth

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from pcsr import TouchBatch
 from pcsr.network.build import build
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
@@ -41,7 +42,7 @@ def name(request):
 def clouds(batch=2):
     truth = torch.nn.functional.normalize(torch.randn(batch, POINTS * RATE, 3), dim=-1)
     felt = torch.stack([truth[:, k::TOUCHES][:, :FELT] for k in range(TOUCHES)], dim=1)
-    return truth[:, ::RATE].contiguous(), truth, felt
+    return truth[:, ::RATE].contiguous(), truth, TouchBatch.of(felt)
 
 
 def test_each_network_of_table_2_has_a_graft():
@@ -60,17 +61,19 @@ def test_without_touches_it_is_the_ungrafted_network_bit_for_bit(name):
     points, _, felt = clouds()
     expected = plain(points, RATE)
     assert torch.equal(grafted(points, RATE), expected)
-    assert torch.equal(grafted(points, RATE, felt, torch.zeros(2, TOUCHES, dtype=torch.bool)), expected)
+    assert torch.equal(
+        grafted(points, RATE, TouchBatch.of(felt.points, torch.zeros(2, TOUCHES, dtype=torch.bool))), expected
+    )
 
 
 def test_gradients_reach_the_touch_encoder_and_a_moved_touch_moves_the_output(name):
     grafted, (points, truth, felt) = network(FOLDER / "graft" / f"{name}.yaml"), clouds()
     objective = recipe(FOLDER / "graft" / f"{name}.yaml").train.objective.build(REGISTRY, "objective")
-    sum(objective.losses(grafted, points, truth, RATE, felt, None).values()).backward()
+    sum(objective.losses(grafted, points, truth, RATE, felt).values()).backward()
     assert grafted.touch_encoder is not None
     assert all(weight.grad is not None and weight.grad.any() for weight in grafted.touch_encoder.parameters())
     with torch.no_grad():
-        assert not torch.equal(grafted(points, RATE, felt), grafted(points, RATE, felt * 0.5))
+        assert not torch.equal(grafted(points, RATE, felt), grafted(points, RATE, TouchBatch.of(felt.points * 0.5)))
 
 
 @pytest.mark.slow
@@ -83,7 +86,7 @@ def test_a_short_training_lowers_the_loss(name):
     for _ in range(15):
         optimizer.zero_grad()
         # What the discriminator learns is no loss of the network.
-        terms = objective.losses(grafted, points, truth, RATE, felt, None)
+        terms = objective.losses(grafted, points, truth, RATE, felt)
         loss = sum(value for key, value in terms.items() if key != "discriminator")
         loss.backward()
         optimizer.step()

@@ -1,0 +1,38 @@
+"""The kinds of part, and the records that pass between them. Read this package first.
+
+A network is an encoder, a fusion, a backbone and an upsampler in a row. Touch enters at the fusion, through a touch
+encoder (TAPSR, Sec. 3.1, Fig. 1)::
+
+    P (b n 3) ──► encoder ──► Fp ──┐
+                                   ├─► fusion ──► Ff ──► backbone ──► F ──► upsampler ──► Q (b r·n 3)
+    T (b a m 3) ─► touch encoder ─► Ft ┘
+
+`pcsr.contracts.network` holds the four kinds of network part and `Objective`, which trains a network;
+`pcsr.contracts.sources` the two kinds that data are made with; `pcsr.contracts.evaluation` metrics and baselines;
+`pcsr.contracts.part` what all kinds have in common.
+"""
+
+from pcsr.contracts.evaluation import Baseline, Metric
+from pcsr.contracts.network import Backbone, Encoder, Fusion, Objective, Upsampler, UpsamplingNetwork
+from pcsr.contracts.part import Part, Trait, Widths
+from pcsr.contracts.sources import SPLITS, ShapeItem, ShapeSource, TouchSource
+from pcsr.contracts.touch_batch import TouchBatch
+
+__all__ = [
+    "SPLITS",
+    "Backbone",
+    "Baseline",
+    "Encoder",
+    "Fusion",
+    "Metric",
+    "Objective",
+    "Part",
+    "ShapeItem",
+    "ShapeSource",
+    "TouchBatch",
+    "TouchSource",
+    "Trait",
+    "Upsampler",
+    "UpsamplingNetwork",
+    "Widths",
+]

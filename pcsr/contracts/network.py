@@ -1,0 +1,279 @@
+"""The parts of a network, and the objective that trains it.
+
+b is the number of clouds in a batch, n of points in a cloud, c of channels, a of touches of a cloud, m of points of a
+touch. All coordinates are in the frame in which the sparse cloud fills the unit sphere.
+"""
+
+from typing import ClassVar, Protocol, runtime_checkable
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from pcsr.contracts.part import Part
+from pcsr.contracts.touch_batch import TouchBatch
+from pcsr.tensors import Dense, Features, Points
+
+
+class Encoder(nn.Module, Part):
+    """Computes features of each point from the coordinates of a cloud.
+
+    A network has an encoder for the cloud and, where its fusion uses touch features, another one for the touches. The
+    touch encoder is called with each touch as a cloud of its own.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> Scaled(pcsr.Widths())(torch.ones(1, 1, 3))
+        tensor([[[2., 2., 2.]]])
+    """
+
+    channels: int
+    """Number of output channels; set in the constructor."""
+
+    def forward(self, points: Points) -> Features:
+        """Encode a batch of clouds.
+
+        Args:
+            points: (b n 3).
+
+        Returns:
+            (b n channels), in the order of `points`.
+        """
+        raise NotImplementedError
+
+
+class Fusion(nn.Module, Part):
+    """Combines touches with the visual features.
+
+    The host calls `join` before the encoder and `forward` after it. Rows without touches keep their visual features
+    and never reach `forward`.
+
+    Examples:
+        >>> class Mean(pcsr.Fusion):
+        ...     def __init__(self, widths: pcsr.Widths) -> None:
+        ...         super().__init__()
+        ...
+        ...     def forward(self, points, features, touches):
+        ...         return features + touches.features.mean((1, 2))[:, None]
+        >>> touches = pcsr.TouchBatch(torch.ones(1, 2, 3, 3), torch.ones(1, 2, 3, 4), torch.ones(1, 2).bool())
+        >>> Mean(pcsr.Widths(visual=4, touch=4))(torch.ones(1, 5, 3), torch.zeros(1, 5, 4), touches).shape
+        torch.Size([1, 5, 4])
+    """
+
+    uses_touch_features: ClassVar[bool] = True
+    """Whether the fusion uses touch features. If False, the network has no touch encoder, and `forward` is not
+    called."""
+    keeps_touched_points: ClassVar[bool] = False
+    """Whether touched points become part of the dense cloud. If True, the host inserts them after the upsampler, and
+    drops generated points that lie closer to them than the cloud's spacing."""
+
+    def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
+        """Fuse touches with visual features.
+
+        Args:
+            points: (b n 3); what `join` returned.
+            features: visual features, (b n c).
+            touches: touches with their features, at least one in each row.
+
+        Returns:
+            Fused features, (b n c), in the order of `points`.
+        """
+        raise NotImplementedError
+
+    def join(self, points: Points, touches: TouchBatch) -> Float[Tensor, "b joined 3"]:
+        """Add touched points to the cloud before it is encoded. By default the cloud stays as it is.
+
+        Args:
+            points: (b n 3).
+            touches: touches without features. A row may have no touch; its cloud must then stay as it is.
+
+        Returns:
+            (b joined 3): the points of the cloud and those added.
+
+        Raises:
+            UserError: the rows would have different numbers of points; the message names the part.
+        """
+        return points
+
+
+class Backbone(nn.Module, Part):
+    """Refines the fused features, given the coordinates of their points.
+
+    Examples:
+        >>> class Layer(pcsr.Backbone):
+        ...     def __init__(self, widths: pcsr.Widths, *, channels: int = 8) -> None:
+        ...         super().__init__()
+        ...         self.channels = channels
+        ...         self.layer = torch.nn.Linear(widths.visual, channels)
+        ...
+        ...     def forward(self, points, features):
+        ...         return self.layer(features)
+        >>> Layer(pcsr.Widths(visual=4))(torch.ones(1, 5, 3), torch.ones(1, 5, 4)).shape
+        torch.Size([1, 5, 8])
+    """
+
+    channels: int
+    """Number of output channels; set in the constructor."""
+
+    def forward(self, points: Points, features: Features) -> Float[Tensor, "b n refined"]:
+        """Refine the features of a batch of clouds.
+
+        Args:
+            points: (b n 3).
+            features: (b n c).
+
+        Returns:
+            (b n channels), in the order of `points`.
+        """
+        raise NotImplementedError
+
+
+class Upsampler(nn.Module, Part):
+    """Generates the dense cloud from refined features.
+
+    Examples:
+        >>> class Copies(pcsr.Upsampler):
+        ...     def __init__(self, widths: pcsr.Widths) -> None:
+        ...         super().__init__()
+        ...
+        ...     def forward(self, points, features, rate):
+        ...         return points.repeat_interleave(rate, dim=1)
+        >>> Copies(pcsr.Widths())(torch.ones(1, 5, 3), torch.ones(1, 5, 4), 2).shape
+        torch.Size([1, 10, 3])
+    """
+
+    max_rate_per_pass: ClassVar[int | None] = None
+    """Largest rate of a single forward pass at inference. Larger rates are reached by applying the network twice.
+    None: no limit."""
+
+    def prepare(self, points: Points, rate: int) -> Dense:
+        """Interpolate the sparse cloud before it is encoded. By default the cloud stays as it is.
+
+        If this returns k·n points, features are computed on them and `forward` is called with `rate` / k. Patches are
+        cut from the returned cloud, so that nothing is interpolated across their borders.
+
+        Args:
+            points: (b n 3).
+            rate: of the dense cloud.
+
+        Returns:
+            (b k·n 3); at rate 1 the points themselves.
+        """
+        return points
+
+    def forward(self, points: Points, features: Features, rate: int) -> Dense:
+        """Generate the dense cloud.
+
+        Args:
+            points: (b n 3).
+            features: (b n refined), of these points.
+            rate: points to generate for each point.
+
+        Returns:
+            (b rate·n 3) or more points. Of more, the host keeps those that are farthest apart, in training a random
+            subset.
+
+        Raises:
+            UserError: the part was built for another rate; the message names the part.
+        """
+        raise NotImplementedError
+
+    def stages(self, points: Points, features: Features, rate: int) -> list[Dense]:
+        """Generate the dense cloud and return the intermediate clouds too, for objectives that use them.
+
+        Args:
+            points: (b n 3).
+            features: (b n refined).
+            rate: points to generate for each point.
+
+        Returns:
+            Clouds, the coarsest first; the last is the result of `forward`. By default the result alone.
+        """
+        return [self(points, features, rate)]
+
+
+@runtime_checkable
+class UpsamplingNetwork(Protocol):
+    """A complete network, as `Objective.losses` receives it.
+
+    Examples:
+        >>> isinstance(pcsr.load("tapsr").network, pcsr.UpsamplingNetwork)
+        True
+    """
+
+    upsampler: Upsampler
+
+    def __call__(self, points: Points, rate: int, touches: TouchBatch | None = None) -> Dense:
+        """Upsample sparse clouds (b n 3) to dense clouds (b rate·n 3)."""
+
+    def stages(self, points: Points, rate: int, touches: TouchBatch | None = None) -> list[Dense]:
+        """Upsample sparse clouds and return the intermediate clouds too, the result last."""
+
+    def refine(
+        self, points: Points, touches: TouchBatch | None = None
+    ) -> tuple[Float[Tensor, "b joined 3"], Float[Tensor, "b joined c"]]:
+        """Compute the upsampler's input: the cloud, to which the fusion may have joined touches, and its features."""
+
+
+class Objective(nn.Module, Part):
+    """The loss that training minimises. It may have weights of its own, such as a discriminator's.
+
+    Override `forward` for a loss of the dense cloud alone. Override `losses` for a loss that needs the network itself.
+
+    Examples:
+        >>> class Shift(pcsr.Objective):
+        ...     def forward(self, prediction, target):
+        ...         return {"shift": (prediction.mean(1) - target.mean(1)).norm()}
+        >>> Shift()(torch.ones(1, 4, 3), torch.ones(1, 6, 3))
+        {'shift': tensor(0.)}
+    """
+
+    lr_multiplier: ClassVar[float] = 1.0
+    """Learning rate of the objective's own weights, as a multiple of the network's."""
+
+    def forward(
+        self, prediction: Float[Tensor, "b rn 3"], target: Float[Tensor, "b g 3"]
+    ) -> dict[str, Float[Tensor, ""]]:
+        """Compare dense clouds with true ones.
+
+        Args:
+            prediction: (b r·n 3).
+            target: (b g 3); g may differ from r·n.
+
+        Returns:
+            Scalar losses by name; training minimises their sum.
+        """
+        raise NotImplementedError
+
+    def losses(
+        self,
+        network: UpsamplingNetwork,
+        points: Points,
+        truth: Float[Tensor, "b g 3"],
+        rate: int,
+        touches: TouchBatch | None = None,
+    ) -> dict[str, Float[Tensor, ""]]:
+        """Compute the losses of a network on one batch. Training calls this method once a step.
+
+        By default it runs the network and calls `forward`.
+
+        Args:
+            network: the network in training.
+            points: sparse clouds, (b n 3).
+            truth: true clouds, (b g 3).
+            rate: points to generate for each point.
+            touches: touches of the clouds. None: there are none.
+
+        Returns:
+            Scalar losses by name; training minimises their sum.
+
+        Raises:
+            UserError: the objective cannot be used with this network; the message names the part.
+        """
+        losses: dict[str, Float[Tensor, ""]] = self(network(points, rate, touches), truth)
+        return losses
