@@ -50,7 +50,7 @@ def formats() -> None:
 
 def sensor(name: str) -> None:
     """The figures of a sensor preset, with source and doubt."""
-    from pcsr_plugins.touch import sensors
+    from pcsr_plugins.touch.digit import sensors
 
     rows = [(f"`{one.name}`", _shown(one.value), one.source, one.doubt) for one in sensors.figures(name)]
     table(("figure", "value", "source", "doubt"), rows)

@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import GenericAlias, ModuleType
 
 import click
 import pytest
@@ -59,6 +59,8 @@ def described(label: str, thing: object) -> list[str]:
         return [f"{label}: module"]
     if hasattr(thing, "dim_str"):  # an alias of pcsr.tensors
         return [f"{label}: {thing.__name__}"]
+    if isinstance(thing, GenericAlias):
+        return [f"{label}: tuple of {', '.join(one.__name__ for one in thing.__args__)}"]
     if isinstance(thing, dict):
         return [f"{label}: {', '.join(thing)}"]
     if not (isinstance(thing, type) or callable(thing)) or not hasattr(thing, "__name__"):

@@ -1,4 +1,4 @@
-"""None"""
+"""The touch source `digit`: touches lie on the mesh, within the gel, and follow from the seed."""
 
 import itertools
 
@@ -9,10 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
 from pcsr.recipe.schema import options_model
-from pcsr_plugins.shapes.blobs.figures import hand
 from pcsr_plugins.shapes.cad_parts import CadParts
-from pcsr_plugins.touch import sensors
-from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit import Digit, hand, sensors
 from tests.plugins.touch.plain_options import digit
 from tests.plugins.touch.touching import SHAPES, in_sensor, touch
 
