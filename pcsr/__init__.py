@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pcsr.plugins.registry import Register
     from pcsr.weights.file import read_card
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",

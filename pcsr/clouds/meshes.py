@@ -29,6 +29,12 @@ def read_mesh(path: str | Path) -> "Trimesh":
     Raises:
         UserError: it cannot be read, is larger than its kind needs to be, has no faces, or a face names a vertex that
             is not there.
+
+    Examples:
+        >>> import trimesh
+        >>> _ = trimesh.creation.box().export("box.stl")
+        >>> len(pcsr.read_mesh("box.stl").faces)
+        12
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -36,6 +36,11 @@ class TouchBatch:
         Args:
             points: (b a m 3).
             mask: (b a); by default every touch is present.
+
+        Examples:
+            >>> touches = pcsr.TouchBatch.of(torch.rand(2, 3, 5, 3))
+            >>> touches.mask.all().item(), touches.features is touches.points
+            (True, True)
         """
         present = torch.ones(points.shape[:2], dtype=torch.bool, device=points.device) if mask is None else mask
         return cls(points, points, present)

@@ -15,7 +15,14 @@ PointsLayout = Literal["bnc", "bcn"]
 
 @dataclass(frozen=True)
 class InjectionPoint:
-    """Where touch enters a network."""
+    """The layer of a network at which touch is fused, and the layouts of its points and features.
+
+    Examples:
+        >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
+        >>> point = pcsr.graft(network, at="0", probe=(1, 32, 3)).injection_point
+        >>> point.at, point.layout, point.width
+        ('0', 'bnc', 16)
+    """
 
     at: str
     """Dotted name of the layer."""

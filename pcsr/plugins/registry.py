@@ -197,6 +197,8 @@ class Register:
         ...     register.objective("my-objective", "my_package.parts:MyObjective")
         ...     register.touch("my-touch", "my_package.parts:MyTouch")
         ...     register.shapes("my-shapes", "my_package.parts:MyShapes")
+        ...     register.metric("my-metric", "my_package.parts:MyMetric")
+        ...     register.baseline("my-baseline", "my_package.parts:MyBaseline")
     """
 
     registry: Registry

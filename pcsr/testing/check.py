@@ -23,13 +23,23 @@ class Outcome:
 
     check: str
     result: Literal["passed", "failed", "skipped"]
-    said: str = ""
-    """The reason, if it did not pass."""
+    message: str = ""
+    """The reason, if the check did not pass."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A named check of one part. Calling it raises an error unless the part passes."""
+    """A named check of one part. Calling it raises an error unless the part passes.
+
+    Examples:
+        >>> def positive():
+        ...     if not 1 > 0:
+        ...         raise pcsr.testing.CheckFailed("expected a positive number")
+        >>> check = pcsr.testing.Check("positive", positive)
+        >>> check()
+        >>> check.outcome().result
+        'passed'
+    """
 
     name: str
     run: Callable[[], None]

@@ -68,13 +68,18 @@ def read_file(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], d
         return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
 
 
-def read_card(path: Path) -> dict[str, Any]:
-    """The card of a weights file, without reading the weights.
+def read_card(path: str | Path) -> dict[str, Any]:
+    """Read the card of a weights file, without the weights.
 
     Raises:
         UserError: it is no weights file of pcsr.
+
+    Examples:
+        >>> card = pcsr.read_card(pcsr.load("tapsr").path)
+        >>> card["recipe"]["data"]["rate"]
+        16
     """
-    return read_file(path, tensors=False)[1]
+    return read_file(Path(path), tensors=False)[1]
 
 
 def read_shapes(path: Path) -> dict[str, tuple[int, ...]]:
