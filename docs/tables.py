@@ -3,7 +3,9 @@
 `make pages` fills the blocks anew; `make check` fails where one differs from what it would be filled with.
 """
 
+import ast
 import inspect
+import itertools
 import json
 import re
 from collections.abc import Sequence
@@ -64,6 +66,7 @@ def options(kind: str, name: str, *wanted: str) -> None:
         name: of the part.
         wanted: the options; by default all.
     """
+    from pcsr.options import Options
     from pcsr.plugins.loading import load_plugins
 
     constructor = load_plugins().get(kind, name).__init__
@@ -72,7 +75,25 @@ def options(kind: str, name: str, *wanted: str) -> None:
     rows = []
     for option, parameter in inspect.signature(constructor).parameters.items():
         if parameter.kind is parameter.KEYWORD_ONLY and option in (wanted or said):
-            rows.append((f"`{option}`", f"`{_yaml(parameter.default)}`", " ".join(said[option].split())))
+            default = parameter.default
+            shown = getattr(default, "use", "{}") if isinstance(default, Options) else _yaml(default)
+            rows.append((f"`{option}`", f"`{shown}`", " ".join(said[option].split())))
+    table(("option", "default", "meaning"), rows)
+
+
+def group(kind: str, part: str, option: str) -> None:
+    """The options of a group: their defaults, and the docstrings of the group's fields."""
+    from pcsr.plugins.loading import load_plugins
+
+    default = inspect.signature(load_plugins().get(kind, part).__init__).parameters[option].default
+    (body,) = ast.parse(inspect.getsource(type(default))).body
+    fields = [one for one in body.body if isinstance(one, ast.AnnAssign | ast.Expr)]
+    meanings = {
+        before.target.id: " ".join(after.value.value.split())
+        for before, after in itertools.pairwise(fields)
+        if isinstance(before, ast.AnnAssign) and isinstance(after, ast.Expr)
+    }
+    rows = [(f"`{option}.{name}`", f"`{_yaml(getattr(default, name))}`", meaning) for name, meaning in meanings.items()]
     table(("option", "default", "meaning"), rows)
 
 

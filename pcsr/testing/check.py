@@ -10,16 +10,32 @@ from pcsr.threads import threads
 
 
 class CheckFailed(AssertionError):  # noqa: N818 it is an outcome, as Skipped is
-    """A part breaks its contract. The message names the part, what was found, what is expected, and the remedy."""
+    """A part breaks its contract. The message names the part, what was found, what is expected, and the remedy.
+
+    Examples:
+        >>> issubclass(pcsr.testing.CheckFailed, AssertionError)
+        True
+    """
 
 
 class Skipped(SkipTest):
-    """A check does not apply to a part; the message says why. pytest reports it as skipped."""
+    """A check does not apply to a part; the message says why. pytest reports it as skipped.
+
+    Examples:
+        >>> import unittest
+        >>> issubclass(pcsr.testing.Skipped, unittest.SkipTest)
+        True
+    """
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a check."""
+    """The outcome of a check.
+
+    Examples:
+        >>> pcsr.testing.Check("nothing", lambda: None).outcome()
+        Outcome(check='nothing', result='passed', message='')
+    """
 
     check: str
     result: Literal["passed", "failed", "skipped"]

@@ -95,6 +95,19 @@ def checks_for(
 
     Raises:
         UserError: `part` is not a part.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> checks = pcsr.testing.checks_for(Scaled)
+        >>> checks[0].name
+        'builds'
+        >>> checks[0]()
     """
     kind = kind_of(part)
     subject = Subject(part, kind, options, item, upsampler)
@@ -108,5 +121,17 @@ def checks_for(
 
 
 def check_part(part: type[Any], **options: Any) -> list[Outcome]:
-    """Run all checks of a part and return their outcomes. The arguments are those of `checks_for`."""
+    """Run all checks of a part and return their outcomes. The arguments are those of `checks_for`.
+
+    Examples:
+        >>> class Scaled(pcsr.Encoder):
+        ...     def __init__(self, widths: pcsr.Widths, *, scale: float = 2.0) -> None:
+        ...         super().__init__()
+        ...         self.channels, self.scale = 3, scale
+        ...
+        ...     def forward(self, points):
+        ...         return self.scale * points
+        >>> {outcome.result for outcome in pcsr.testing.check_part(Scaled)} <= {"passed", "skipped"}
+        True
+    """
     return [check.outcome() for check in checks_for(part, **options)]
