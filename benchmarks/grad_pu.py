@@ -41,7 +41,7 @@ PLACES = {"0": "linear", "1": "norm"}
 
 
 def convert(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Their tensors by our names: the state of the network of `recipes/grad-pu.yaml`.
+    """Their tensors by our names: the state of the network of `pcsr/recipes/grad-pu.yaml`.
 
     Their layers are convolutions of width 1; ours are linear ones, whose weights lack the axes of length 1.
 

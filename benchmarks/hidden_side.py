@@ -2,7 +2,7 @@
 
 python benchmarks/hidden_side.py [MODEL…] [--touches 4] [--save]
 
-Parts, cameras and touches are those of recipes/touch/occlusion.yaml with policy `sparse`, the test split.
+Parts, cameras and touches are those of pcsr/recipes/touch/occlusion.yaml with policy `sparse`, the test split.
 """
 
 from collections.abc import Sequence

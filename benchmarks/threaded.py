@@ -55,7 +55,7 @@ def tapsr() -> Callable[[], object]:
 
 
 def smoke() -> Callable[[], object]:
-    """The training of recipes/smoke.yaml: eight steps of eight clouds of 128 points."""
+    """The training of pcsr/recipes/smoke.yaml: eight steps of eight clouds of 128 points."""
     from training import RECIPE, split
 
     from pcsr.plugins.loading import load_plugins

@@ -1,4 +1,4 @@
-"""The rows of the studies in recipes/touch, read from their run folders (docs/when-touch-helps.md)."""
+"""The rows of the studies in pcsr/recipes/touch, read from their run folders (docs/when-touch-helps.md)."""
 
 import math
 from collections import defaultdict
@@ -95,7 +95,7 @@ def read(runs: Path) -> dict[str, list[Row]]:
         paths[results.name] = path
         found[study].append(results)
     if not found:
-        raise UserError(f"{runs} holds no run of a study: `pcsr run recipes/touch/size.yaml --runs {runs}` makes some")
+        raise UserError(f"{runs} holds no run of a study: `pcsr run touch/size --runs {runs}` makes some")
     studies = {study: rows_of(found[study], STUDIES[study]) for study in STUDIES if study in found}
     known: dict[str, Row] = {}
     for row in (row for rows in studies.values() for row in rows):

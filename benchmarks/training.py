@@ -1,4 +1,4 @@
-"""Some steps of recipes/tapsr.yaml on dented spheres instead of parts; prints the seconds of the fastest.
+"""Some steps of pcsr/recipes/tapsr.yaml on dented spheres instead of parts; prints the seconds of the fastest.
 
 [torchrun --standalone --nproc-per-node 2] python benchmarks/training.py STEPS
 """

@@ -1,4 +1,4 @@
-"""Pictures and tables of docs/when-touch-helps.md, from the run folders of the studies in recipes/touch.
+"""Pictures and tables of docs/when-touch-helps.md, from the run folders of the studies in pcsr/recipes/touch.
 
 python benchmarks/when_touch_helps.py RUNS [-o docs/pictures] [--page docs/when-touch-helps.md]
 

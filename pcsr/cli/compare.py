@@ -59,8 +59,8 @@ def compare(
     --seeds varies the training only. Wins are counted against the first row of the table.
 
     \b
-    pcsr compare recipes/smoke.yaml --fusion concat --fusion iterative --seeds 3
-    pcsr compare recipes/tapsr.yaml recipes/pu-transformer.yaml --set train.epochs=5
+    pcsr compare smoke --fusion concat --fusion iterative --seeds 3
+    pcsr compare tapsr pu-transformer --set train.epochs=5
     """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.recipe import load
 
