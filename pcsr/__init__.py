@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError
 from pcsr.plugins.hookspecs import hookimpl
+from pcsr.version import __version__
 
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from pcsr.plugins.registry import Register
     from pcsr.weights.file import read_card
 
-__version__ = "0.2.0"
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from pcsr import __version__
 from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
@@ -21,6 +20,7 @@ from pcsr.network.network import Network
 from pcsr.network.save import save_weights
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Networked
+from pcsr.version import __version__
 from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:

@@ -38,6 +38,7 @@ FLOORS = {
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.version": 0,
     "pcsr.validation_messages": 0,
     "pcsr.extras": 0,
 }

@@ -13,8 +13,8 @@ from string import Template
 
 import click
 
-from pcsr import __version__
 from pcsr.errors import RunError, UserError
+from pcsr.version import __version__
 
 SECTIONS = {
     "encoder": "model",

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.jobs import results
 from pcsr.data.plan import FORMAT, Plan
@@ -25,6 +24,7 @@ from pcsr.data.shards import (
     write_shard,
 )
 from pcsr.errors import UserError
+from pcsr.version import __version__
 from pcsr.workers import WorkerPool
 
 
@@ -132,7 +132,7 @@ def _manifest(plan: Plan, folder: Path) -> Manifest:
     data = recipe.resolved()["data"] | {"touches": recipe.most_touches, "seed": recipe.data_seed}
     manifest = Manifest(
         format=FORMAT,
-        made_by=f"pcsr {pcsr.__version__}",
+        made_by=f"pcsr {__version__}",
         fingerprint=plan.fingerprint,
         data=Settings(**data),
         empty=plan.empty,

@@ -5,12 +5,12 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pcsr import __version__
 from pcsr.errors import UserError
 from pcsr.plugins.registry import FILE, FIRST_PARTY, Registry
 from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.source import Keys
+from pcsr.version import __version__
 from pcsr.weights.fit import RETRAIN
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}

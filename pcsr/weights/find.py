@@ -4,11 +4,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from pcsr import weights
 from pcsr.errors import UserError, did_you_mean
 from pcsr.extras import imported
 from pcsr.validation_messages import shown, shown_path
-from pcsr.weights import WEIGHTS
+from pcsr.weights import WEIGHTS, names, shipped
 
 
 def find(
@@ -29,8 +28,8 @@ def find(
     # These two take a user that isn't there, and a name that no file can have, for a file that isn't there.
     path = folder / Path(os.path.expanduser(use))
     there = os.path.exists(path)
-    if use in weights.names() and not (paths_first and there):
-        return weights.shipped(use)
+    if use in names() and not (paths_first and there):
+        return shipped(use)
     if os.path.isdir(path):
         if not os.path.isfile(path / WEIGHTS):
             raise UserError(
@@ -42,7 +41,7 @@ def find(
         return path
     if hub and use.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
         return _from_hub(use)
-    hint = did_you_mean(use, [*others, *weights.names()])
+    hint = did_you_mean(use, [*others, *names()])
     raise UserError(
         f"there are no weights {shown(use)}, neither shipped ones nor a file or run folder {shown_path(path)}: {hint}"
     )
