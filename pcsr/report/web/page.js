@@ -70,9 +70,9 @@
   }
 
   function element(name, className, parent) {
-    const made = document.createElement(name);
-    made.className = className;
-    return parent.appendChild(made);
+    const child = document.createElement(name);
+    child.className = className;
+    return parent.appendChild(child);
   }
 
   async function show(k) {
@@ -87,13 +87,13 @@
       element("figcaption", "", figure);
       views.push(view);
     }
-    const made = [];
+    const plots = [];
     example.views.forEach((shown, i) => {
       const view = views[i];
       view.nextSibling.textContent = shown.title;
-      made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(shown.range ?? example.range), config));
+      plots.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(shown.range ?? example.range), config));
     });
-    await Promise.all(made);
+    await Promise.all(plots);
     views.filter((view) => !view.dataset.linked).forEach((view) => {
       view.dataset.linked = "yes";
       link(view);
