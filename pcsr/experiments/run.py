@@ -17,7 +17,7 @@ from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import Evaluation, evaluate, metrics_of, methods
+from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
