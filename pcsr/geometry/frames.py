@@ -77,7 +77,7 @@ class OwnFrame:
         return cls(centre, principal_axes(points), radius or 1.0)
 
     def normalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
-        """Map points to the frame, rounded to `DIGITS`: further digits depend on the original frame, and ties with them."""
+        """Map points to the frame, rounded to `DIGITS`. Further digits depend on the original frame and decide ties."""
         local: Float[np.ndarray, "p 3"] = np.round((points - self.centre) @ self.axes / self.radius, DIGITS)
         return local
 
