@@ -14,7 +14,7 @@ from pcsr.recipe.source import Keys
 from pcsr.weights.fit import RETRAIN
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
-"""Patterns of a part's fields in a card. Other values are ignored, since messages suggest commands made of them."""
+"""Patterns of a part's fields in a card. Other values are ignored, since messages suggest commands with them."""
 LONG = 100
 """Largest number of characters of a card's name that a message shows."""
 

@@ -38,9 +38,7 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     card = read_card(path)
     recipe = card.get("recipe")
     if not isinstance(recipe, dict):
-        raise UserError(
-            f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
-        )
+        raise UserError(f"{path} holds no recipe, so its network is unknown: it is no weights file of pcsr")
     check_parts(path, card, registry)
     remedy = mismatch_remedy(card, registry)
     checked = _checked(path, recipe, registry, remedy)

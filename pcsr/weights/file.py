@@ -46,7 +46,7 @@ def card_text(file: Any) -> str:
     """
     text = (file.metadata() or {}).get("pcsr")
     if text is None:
-        raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
+        raise ValueError("it is a safetensors file without a card of pcsr")
     return str(text)
 
 

@@ -100,12 +100,12 @@
     });
   }
 
-  function chart(place) {
-    const { data, layout } = drawn.charts[place.dataset.chart];
+  function chart(container) {
+    const { data, layout } = drawn.charts[container.dataset.chart];
     const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line") };
     const legend = { orientation: "h", y: 1, yanchor: "bottom", x: 0 };
-    place.style.height = `${layout.height}px`;
-    Plotly.react(place, data, {
+    container.style.height = `${layout.height}px`;
+    Plotly.react(container, data, {
       margin: { l: 60, r: 10, t: 40, b: 50 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: colour("ink"), family: "system-ui, sans-serif" },
