@@ -73,6 +73,11 @@ def read_card(path: Path) -> dict[str, Any]:
 
     Raises:
         UserError: the file is no weights file of pcsr.
+
+    Examples:
+        >>> card = pcsr.read_card(pcsr.load("tapsr").path)
+        >>> card["recipe"]["model"]["fusion"]["use"]
+        'iterative'
     """
     return read_file(path, tensors=False)[1]
 
