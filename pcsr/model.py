@@ -1,4 +1,4 @@
-"""pcsr from Python: load a model, upsample clouds of any kind and size."""
+"""Models for inference: loading of weights, and upsampling of clouds of any kind and size."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,19 +25,20 @@ from pcsr.weights.find import find
 from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
-"""The name of what needs no weights."""
+"""Name of the model that interpolates and needs no weights."""
 MOST_DISTANCE = 0.5
-"""The largest distance of a touch from the cloud, in diameters of the cloud."""
+"""Largest distance of a touch from the cloud, in diameters of the cloud."""
 MOST_SIZE = 2.0
-"""The largest diameter of a touch, in diameters of the cloud."""
+"""Largest diameter of a touch, in diameters of the cloud."""
 RATES = (1.1, 64.0)
+"""Smallest and largest rate."""
 
 TouchesLike = str | Path | Sequence[Any]
 
 
 @dataclass(frozen=True)
 class Model:
-    """What makes clouds dense: a network with its weights, or interpolation.
+    """Upsampling model: a network with its weights, or interpolation.
 
     Examples:
         >>> model = pcsr.load("tapsr")
@@ -49,12 +50,15 @@ class Model:
 
     name: str
     network: Network | None
-    """In `eval` mode; None for interpolation."""
+    """Network in `eval` mode; `None` for interpolation."""
     recipe: Recipe | None
+    """Recipe of the network; `None` for interpolation."""
     card: dict[str, Any]
-    """What the weights' file says of them."""
+    """Card of the weights file; empty for interpolation."""
     path: Path | None
+    """Weights file; `None` for interpolation."""
     plugins: tuple[Path, ...]
+    """Plugin files with parts of the network."""
 
     def upsample(
         self,
@@ -68,28 +72,30 @@ class Model:
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
     ) -> Any:
-        """Make a cloud dense, whatever its size.
+        """Upsample a cloud of any size.
 
         Args:
             points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud, or a
                 `pcsr.clouds.cloud.Cloud`.
-            touches: in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a recording.
-            rate: points that come out for each that goes in, 1.1 to 64; 4 if neither it nor `count` is given.
-            count: how many come out, instead of a rate.
-            keep: the old points come first, and new ones follow; otherwise all are new.
-            jobs: processes.
-            scheduler: address of a Dask scheduler whose workers do the work.
-            advance: called with the points that are done and all of them.
+            touches: touches in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a
+                recording.
+            rate: output points for each input point, 1.1 to 64; 4 by default.
+            count: number of output points, instead of a rate.
+            keep: whether the input points are part of the output, before the new points.
+            jobs: number of processes.
+            scheduler: address of a Dask scheduler whose workers are used instead of local processes.
+            advance: called with the number of processed points and the number of all points.
 
         Returns:
             A cloud of the same kind, in the same frame and unit. Colours, normals and other columns of the new points
             are interpolated from their neighbours.
 
         Raises:
-            UserError: points that are too few, not finite or on one spot; touches far away; an impossible number.
+            UserError: points are too few, not finite or all equal, touches are far from the cloud, or the number of
+                output points is out of range.
 
         Warns:
-            PcsrWarning: something was touched where the cloud has no points.
+            PcsrWarning: a touch lies in a gap of the cloud.
 
         Examples:
             >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
@@ -124,13 +130,13 @@ class Model:
 def load(
     model: str | Path | None = None, *, plugins: Sequence[str | Path] = (), device: str | torch.device = "cpu"
 ) -> Model:
-    """A model ready for use.
+    """Load a model.
 
     Args:
         model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
-            file, or `org/name` on the Hugging Face hub (extra `[hub]`); the default weights if not given.
-        plugins: Python files with parts that the weights need.
-        device: where to compute.
+            file, or `org/name` on the Hugging Face hub (extra `[hub]`); `frames` by default.
+        plugins: plugin files with parts that the weights need.
+        device: torch device of the network.
 
     Raises:
         UserError: there is no such model, its file is damaged, or a part that it needs is not installed.
@@ -179,9 +185,9 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
 
 
 def _touched(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
-    """The points of each touch, in the frame of the cloud, which was divided by a power of two."""
+    """Return the points of each touch in the frame of the cloud, which was divided by 2^power."""
     if isinstance(touches, str | Path):
-        from pcsr.recorded import read  # here, as its layouts take long to load and few have a recording
+        from pcsr.recorded import read  # here, since its layouts are slow to import
 
         touches = read(Path(touches)).touches
     touched = [

@@ -7,9 +7,9 @@ from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes/smoke.yaml"
 # From `neighbours` the upsampler starts with weights of zero, which would hide what comes before it.
-TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=point")
+TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=origin")
 NO_FUSION = ("model.fusion=none", "model.touch_encoder=null")
 RATE, N = 4, 30
 

@@ -16,7 +16,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 from pcsr.run_files import HISTORY
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes/smoke.yaml"
 TINY = f"""\
 extends: {SMOKE.as_posix()}
 name: tiny
@@ -25,7 +25,7 @@ model:
   encoder: {{channels: 8}}
   touch_encoder: {{channels: 4}}
   backbone: {{channels: [8], neighbours: 4}}
-  upsampler: {{hidden: 8, start: point}}
+  upsampler: {{hidden: 8, start: origin}}
 train: {{epochs: 4, batch: 3, touches: [0, 2]}}
 """
 STEPS = 8

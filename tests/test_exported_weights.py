@@ -87,11 +87,14 @@ def test_what_is_no_network_and_where_no_file_can_be_is_said_of_weights_too(tiny
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["w.safetensors", "--touches", "2"], "--touches is for ONNX graphs"),
-        (["w.safetensors", "--points", "64"], "--points is for ONNX graphs"),
-        (["w.safetensors", "--touch-points", "64"], "--touch-points is for ONNX graphs"),
-        (["w.safetensors", "--batch", "dynamic"], "--batch is for ONNX graphs"),
-        (["m.onnx", "--half"], "--half is for weights, and m.onnx is none: name a file OUT.safetensors"),
+        (["w.safetensors", "--touches", "2"], "--touches applies to ONNX graphs"),
+        (["w.safetensors", "--points", "64"], "--points applies to ONNX graphs"),
+        (["w.safetensors", "--touch-points", "64"], "--touch-points applies to ONNX graphs"),
+        (["w.safetensors", "--batch", "dynamic"], "--batch applies to ONNX graphs"),
+        (
+            ["m.onnx", "--half"],
+            "--half applies to weights, and m.onnx is no .safetensors file: change its suffix, or leave --half out",
+        ),
     ],
 )
 def test_options_that_mean_nothing_to_the_file_are_refused(tmp_path, monkeypatch, words, said):

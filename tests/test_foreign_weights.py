@@ -17,7 +17,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Failure
 from pcsr.recipe import Recipe, load
 
-SMOKE = Path(__file__).parents[1] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[1] / "pcsr/recipes/smoke.yaml"
 
 
 def recipe(*overrides: str) -> Recipe:

@@ -1,4 +1,4 @@
-"""What is to be built: every object of every split, and a fingerprint of all that decides the result."""
+"""Plan of a data set: the objects of every split, and a fingerprint of everything that determines the data."""
 
 import hashlib
 import json
@@ -15,31 +15,32 @@ from pcsr.recipe import PartSpec, Recipe
 from pcsr.recipe.old_names import part_as_in_0_1
 
 FORMAT = 1
-"""Of the files; raised when they change, and with it every fingerprint."""
+"""Version of the file format. A new version changes every fingerprint."""
 SEEN = ("view", "mixed")
-"""Samplings that cast the rays of a camera."""
+"""Samplings of a camera's view, which need ray casting."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A data set that can be built, or go on being built, anywhere."""
+    """Plan of a data set. Any process can build parts of it, or resume an interrupted build."""
 
     recipe: Recipe
+    """Recipe of the data."""
     files: tuple[Path, ...]
-    """Plugin files, which every process has to load."""
+    """Plugin files that every process has to load."""
     names: dict[str, Sequence[str]]
-    """The objects of each split; no key for a split without any."""
+    """Names of objects by split. Splits without objects are missing."""
     empty: dict[str, str]
-    """Why a split has no objects."""
+    """Reasons by split for splits without objects."""
     fingerprint: str
-    """The same for the same data, whatever the folder, the machine and the number of processes."""
+    """Hash of the data, independent of folder, machine and number of processes."""
 
     @classmethod
     def of(cls, recipe: Recipe, registry: Registry) -> "Plan":
-        """Look at what there is to build from, and hash it.
+        """Create the plan of a recipe's data.
 
         Raises:
-            UserError: no split has any object, or a package that building needs is not installed.
+            UserError: no split has objects, or a package that the build needs is not installed.
         """
         require(packages(recipe, registry))
         shapes: ShapeSource = recipe.data.shapes.build(registry, "shapes")
@@ -71,17 +72,17 @@ class Plan:
                 for split, some in names.items()
             },
         }
-        code = {place: code for place, code in recipe.code.items() if place.startswith("data.")}
-        if code:  # of other people's parts
+        code = {key: code for key, code in recipe.code.items() if key.startswith("data.")}
+        if code:  # of third-party parts
             decisive["code"] = code
         text = json.dumps(decisive, sort_keys=True)
         return cls(recipe, registry.files, names, empty, hashlib.sha256(text.encode()).hexdigest())
 
     def split(self, split: str) -> Sequence[str]:
-        """The objects of one split.
+        """Return the names of the objects of a split.
 
         Raises:
-            UserError: there are none; the message says why.
+            UserError: the split has no objects. The message gives the reason.
         """
         if split not in self.names:
             raise UserError(self.empty[split])
@@ -89,7 +90,7 @@ class Plan:
 
 
 def packages(recipe: Recipe, registry: Registry) -> dict[str, str]:
-    """The packages that building a recipe's data needs, each with what needs it."""
+    """Return the packages that building a recipe's data needs, with the reason for each."""
     data = recipe.data
     needed = data.shapes.needs(registry, "shapes")
     if data.sampling in SEEN:

@@ -91,7 +91,7 @@ class Summary(FrozenModel):
     """Number of objects that were rejected because of an unexpected error, and that the next build tries again."""
     shards: Annotated[tuple[Shard, ...], FailFast()]
 
-    def place(self, row: int) -> tuple[int, int]:
+    def locate(self, row: int) -> tuple[int, int]:
         """Return the index of the shard that holds an object, and the object's row in it."""
         for number, shard in enumerate(self.shards):
             if row < shard.objects:

@@ -130,13 +130,13 @@ def _check_clouds(file: Any, card: Card) -> None:
 
 
 def read_clouds(path: Path) -> dict[str, Tensor]:
-    """The clouds of a shard, mapped into memory: what is not looked at is not read."""
+    """Read the clouds of a shard. The file is mapped into memory, so unused clouds are not read."""
     with open_tensors(path) as file:
         return {name: file.get_tensor(name) for name in CLOUDS}
 
 
 def shard_sum(path: Path) -> str:
-    """SHA-256 of a file; in one process it is read once, unless it changes."""
+    """Return the SHA-256 hash of a file. A process reads the file once, unless it changes."""
     return _sum(path.resolve(), identity(path))
 
 

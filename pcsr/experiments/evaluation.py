@@ -1,4 +1,4 @@
-"""Evaluation: a network and baselines on one split, every metric for every object."""
+"""Evaluation of a network and of baselines on one split: every metric for every object."""
 
 import os
 import time
@@ -34,10 +34,10 @@ class Method:
     upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
     """Function of the sparse cloud and the touches, in one frame, that returns the dense cloud in that frame.
 
-    None: `bound` is called instead.
+    `None`: `bound` is called instead.
     """
     bound: Baseline | None = None
-    """Baseline that also gets the true surface: a bound of what upsampling can reach."""
+    """Baseline that also gets the true surface. Its metrics bound those of any upsampling method."""
 
 
 @dataclass(frozen=True)
@@ -47,24 +47,24 @@ class Evaluation:
     methods: list[MethodResult]
     """In the order in which the methods were given; seconds are the median over objects."""
     touch: TouchEffect | None
-    """Effect of touch on the first method; None without touches."""
+    """Effect of touch on the first method; `None` without touches."""
     dense: list[Float[np.ndarray, "k rn 3"]]
     """Dense clouds of each method."""
     threads: list[int]
     """Torch threads that each method was timed with."""
     load: float | None
-    """Load average of the machine over the minute before; None where the system has none."""
+    """Load average of the machine over the minute before the evaluation; `None` if the system reports none."""
 
 
 def methods(recipe: Recipe, network: Network, registry: Registry) -> list[Method]:
-    """The recipe's network, and the baselines that the recipe names."""
-    ours = Method(
+    """Return the network of a recipe and its baselines as methods, the network first."""
+    own = Method(
         recipe.name,
         network.parameter_count,
         lambda points, touches: upsample_as(recipe, network, points, touches),
     )
     baselines = {name: registry.get("baseline", name)() for name in recipe.evaluate.baselines}
-    return [ours, *(_baseline_method(name, baseline, recipe) for name, baseline in baselines.items())]
+    return [own, *(_baseline_method(name, baseline, recipe) for name, baseline in baselines.items())]
 
 
 def _baseline_method(name: str, baseline: Baseline, recipe: Recipe) -> Method:
@@ -76,13 +76,15 @@ def _baseline_method(name: str, baseline: Baseline, recipe: Recipe) -> Method:
     )
 
 
-def measured_by(recipe: Recipe, registry: Registry) -> dict[str, Metric]:
-    """Metrics that a recipe names, by name."""
+def metrics_of(recipe: Recipe, registry: Registry) -> dict[str, Metric]:
+    """Return the metrics of a recipe by name."""
     return {name: registry.get("metric", name)() for name in recipe.evaluate.metrics}
 
 
 def bound_stream(seed: int, name: str) -> np.random.Generator:
-    """Random generator for a baseline that samples the surface of an object, independent of that of the truth.
+    """Create the random generator of a baseline that samples the surface of an object.
+
+    It is independent of the generator that sampled the true dense cloud.
 
     Args:
         seed: seed of the data.
@@ -100,24 +102,25 @@ def evaluate(
     jobs: int | None = None,
     advance: Callable[[], None] = lambda: None,
 ) -> Evaluation:
-    """Upsample every object by every method, and measure the dense clouds.
+    """Upsample every object with every method, and compute the metrics of the dense clouds.
 
-    Clouds are compared in the frame in which the truth fills the unit sphere; `p2f` too. Where there are touches, the
-    first method upsamples each object a second time without them, which measures their effect. The second pass is not
-    part of the method's `seconds`.
+    All metrics are computed in the frame in which the true dense cloud fills the unit sphere. With touches, the first
+    method also upsamples each object without touches, which measures the effect of touch. The time of this second pass
+    is not part of the method's `seconds`.
 
     Args:
-        recipe: gives the number of touches, and the metrics.
-        registry: gives the meshes, if a metric or a method needs them.
-        compared: methods to compare; the first is the recipe's own network.
-        split: objects to compare the methods on.
-        jobs: processes that measure; all cores by default.
-        advance: called after an object was upsampled or measured, 2·k times for each method.
+        recipe: recipe with the number of touches and the names of the metrics.
+        registry: installed parts.
+        compared: methods to compare; the first is the recipe's network.
+        split: objects on which the methods are compared.
+        jobs: processes that compute metrics; by default one for each core.
+        advance: called after each object was upsampled, and after its metrics were computed: 2·k times for each method
+            and k objects.
 
     Raises:
         UserError: a metric is not finite.
     """
-    metrics = measured_by(recipe, registry)
+    metrics = metrics_of(recipe, registry)
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     runs: list[_Timed] = []
@@ -137,7 +140,7 @@ def evaluate(
                     stream = bound_stream(recipe.data_seed, split.names[i])
                     runs[-1].add(method.bound.upsample, points, recipe.data.rate, mesh, stream)
                 advance()
-    # A class of a plugin file has no name that another process could import.
+    # Another process cannot import a class of a plugin file by its name.
     here = {name: metric for name, metric in metrics.items() if registry.entries["metric", name].version == FILE}
     anywhere = {name: metric for name, metric in metrics.items() if name not in here}
     tasks = [
@@ -158,7 +161,7 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Timed:
-    """Clouds of one method, and the wall time of each."""
+    """Dense clouds of one method, with the wall time of each."""
 
     clouds: list[Cloud]
     seconds: list[float]
@@ -182,7 +185,7 @@ class _Task:
 
 
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
-    """Vertices and faces of each object in the truth's frame; None if no metric and no method needs them."""
+    """Return vertices and faces of each object in the frame of the truth; `None` if no metric or method needs them."""
     if not any(registry.get("metric", name).needs_mesh for name in recipe.evaluate.metrics) and all(
         method.upsample for method in compared
     ):
@@ -198,7 +201,7 @@ def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], spli
 def _touch_effect(
     recipe: Recipe, split: Split, compared: Sequence[Method], runs: Sequence[_Timed], plain: _Timed
 ) -> TouchEffect:
-    """Effect of touch on the first method."""
+    """Compute the effect of touch on the first method."""
     touches = [touch[: recipe.data.touches] for touch in split.touches]
     touched = [
         covered_points(t.numpy(), list(touch.numpy())).any(0) for t, touch in zip(split.truth, touches, strict=True)
@@ -219,8 +222,8 @@ def _touch_effect(
 def _measured(
     tasks: Sequence[_Task], here: Mapping[str, Metric], jobs: int | None, advance: Callable[[], None]
 ) -> Iterator[dict[str, float]]:
-    """Metrics of each task, in order; those of `here` are computed in this process."""
-    few = len(tasks) < 8  # starting processes would take longer than they save
+    """Yield the metrics of each task, in order. Metrics in `here` are computed in this process."""
+    few = len(tasks) < 8  # starting processes would take longer than the computation
     with worker_pool(1 if few else jobs) as workers:
         for task, result in zip(tasks, workers.map(_measure, tasks), strict=True):
             advance()

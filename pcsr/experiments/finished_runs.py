@@ -73,7 +73,7 @@ def of_other_code(recipe: Recipe, data: str, runs: Path, registry: Registry) -> 
         if settings != recipe.settings_fingerprint:
             continue
         parts = changed(recipe, card.get("recipe"), registry)
-        if parts and (card.get("data_fingerprint") == data or any(place.startswith("data.") for place in parts)):
+        if parts and (card.get("data_fingerprint") == data or any(key.startswith("data.") for key in parts)):
             return EarlierWeights(path, " and ".join(parts.values()), "settings_fingerprint" in card)
     return None
 

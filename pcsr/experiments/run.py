@@ -1,4 +1,4 @@
-"""Run of a recipe: data, training, evaluation, results and report, all in a run folder."""
+"""Run of a recipe: data, training, evaluation, results and report, written to a run folder."""
 
 import datetime
 import functools
@@ -17,7 +17,7 @@ from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import Evaluation, evaluate, measured_by, methods
+from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[str, str]:
-    """Return the optional packages that a run needs, each with its user, for `pcsr.extras.require`."""
+    """Return the optional packages that a run needs, with the reason for each, for `pcsr.extras.require`."""
     needed = {"lightning_fabric": "training", "plotly": "the report"}
     if "emd" in recipe.evaluate.metrics and recipe.data.points * recipe.data.rate > EXACT:
         needed["ot"] = "the metric 'emd'"
@@ -59,11 +59,11 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
     Args:
         recipe: recipe to run.
         registry: installed parts.
-        place: device, processes and folders.
+        options: device, processes and folders.
         console: console for messages and progress.
 
     Returns:
-        The run, as it is written to the run folder with its report; None in all processes but the first.
+        The run, which is also written to the run folder with a report; None in all processes but the first.
 
     Raises:
         UserError: the data cannot be built or read, the weights do not fit, or the device does not exist.
@@ -86,7 +86,7 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
         evaluation = evaluate(
             recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task)
         )
-    results = results_of(recipe, test, evaluation, source, measured_by(recipe, registry))
+    results = results_of(recipe, test, evaluation, source, metrics_of(recipe, registry))
     finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
     write_run(finished)
     report.write_page(finished)
@@ -100,12 +100,12 @@ def results_of(
     training: dict[str, Any],
     metrics: Mapping[str, Metric] = METRICS,
 ) -> Results:
-    """The results of a run.
+    """Create the results of a run.
 
     Args:
-        recipe: the recipe that was run.
-        split: the objects that the methods were compared on.
-        evaluation: what `evaluate` returned.
+        recipe: recipe that was run.
+        split: objects on which the methods were compared.
+        evaluation: result of `evaluate`.
         training: origin of the weights; the fields of `pcsr.results.Training`.
         metrics: metrics of the recipe by name; by default those of pcsr.
 
@@ -156,7 +156,7 @@ def results_of(
 
 
 def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Example]:
-    """The clouds that the report shows: those of the first objects, so that none is chosen by its result."""
+    """Return the clouds that the report shows: those of the first objects, so that no result influences the choice."""
     return [
         Example(
             split.names[k],

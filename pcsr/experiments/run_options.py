@@ -1,4 +1,4 @@
-"""Options of a run: where it computes, what it reads and where it writes."""
+"""Options of a run: device, processes, folders, and the treatment of existing weights."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,22 +8,27 @@ from pcsr.recipe import Recipe
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a recipe is run: device, processes, folders, and what becomes of old weights."""
+    """Options of a run that are not part of its recipe."""
 
     runs: Path = Path("runs")
+    """Folder of the run folders."""
     device: str = "auto"
+    """`cpu`, `cuda`, or `auto`: CUDA if it is available."""
     devices: int = 1
+    """Devices of each node; training starts one process for each."""
     nodes: int = 1
+    """Machines."""
     jobs: int | None = None
-    """Processes for data and metrics, all cores by default; and for the batches of all GPUs, two each by default."""
+    """Processes for data and metrics, by default one for each core; also for the batches of all GPUs, by default two
+    for each GPU."""
     data: tuple[Path, ...] = ()
-    """Folders of data that is built already; the recipe must be on them, as `BuiltData.replace_data` makes it."""
+    """Folders of built data. The recipe must name this data, as after `BuiltData.replace_data`."""
     keep_weights: bool = False
-    """Weights that were trained before the code of a part changed are measured, instead of training again."""
+    """Whether weights that were trained before the code of a part changed are evaluated, instead of training again."""
     retrain: bool = False
-    """The network is trained anew, whatever finished weights there are; they stay until the new ones are finished."""
+    """Whether the network is trained although finished weights exist. They are replaced when training is finished."""
 
 
 def run_folder(recipe: Recipe, options: RunOptions) -> Path:
-    """The folder of a recipe: the same recipe comes back to it, another never does."""
+    """Return the run folder of a recipe. Equal recipes have the same folder, different recipes different ones."""
     return options.runs / f"{recipe.name}-{recipe.fingerprint[:8]}"

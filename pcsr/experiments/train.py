@@ -115,7 +115,7 @@ def train(
 
 
 def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
-    """The batches of a training run.
+    """Create the batches of a training run.
 
     Raises:
         UserError: the processes cannot share a batch equally.
@@ -134,7 +134,7 @@ def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
 
 
 def _model(recipe: Recipe, registry: Registry) -> _Training:
-    """Network and objective, with weights from the recipe's seed."""
+    """Build network and objective, with initial weights determined by the recipe's seed."""
     network = build(recipe, registry)
     with torch.random.fork_rng(devices=[]):  # an objective may have random initial weights
         torch.manual_seed(recipe.seed)
@@ -142,7 +142,7 @@ def _model(recipe: Recipe, registry: Registry) -> _Training:
 
 
 def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float, rate: int) -> dict[str, float]:
-    """One optimiser step of all processes together; returns the losses of the whole batch."""
+    """Run an optimizer step of all processes, and return the losses of the whole batch."""
     for group in optimizer.param_groups:
         group["lr"] = lr * group["lr_multiplier"]
     tensors = (batch.points, batch.truth, batch.touches.points, batch.touches.mask)
@@ -159,7 +159,7 @@ def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float,
 
 
 def learning_rate(recipe: Recipe, epoch: int) -> float:
-    """Learning rate of an epoch: multiplied by `decay` every `decay_every` epochs."""
+    """Return the learning rate of an epoch, which is multiplied by `decay` every `decay_every` epochs."""
     settings = recipe.train
     every = settings.decay_every or max(1, settings.epochs // 10)
     return float(settings.learning_rate * settings.decay ** (epoch // every))
@@ -175,7 +175,7 @@ def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
 
 
 def _any_process(stopped: bool, fabric: "Fabric") -> bool:
-    """Whether any process was interrupted. All stop after the same step; otherwise some would wait for the others."""
+    """Return whether any process was interrupted. All stop after the same step, so that none waits for the others."""
     if fabric.world_size == 1:
         return stopped
     number = fabric.all_reduce(torch.tensor(float(stopped), device=fabric.device), reduce_op="sum")

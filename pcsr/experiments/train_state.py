@@ -1,4 +1,4 @@
-"""The state of a training run in a file: weights, optimizer state, and how far the run is. Nothing is unpickled."""
+"""Checkpoints of training: weights, optimizer state and step, in a safetensors file. Nothing is unpickled."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,17 @@ from pcsr.weights.fit import fill
 
 
 def save_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer, about: dict[str, Any]) -> None:
-    """Write all that training needs to go on: weights, optimiser state, and `about` (step, fingerprint)."""
+    """Save a checkpoint.
+
+    Args:
+        path: file to write.
+        network: network whose weights are saved.
+        optimizer: optimizer whose state is saved.
+        about: step, fingerprint and other plain data, stored in the header of the file.
+
+    Raises:
+        RunError: the file cannot be written.
+    """
     tensors = {f"model.{name}": tensor for name, tensor in network.state_dict().items()}
     for index, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{key}": torch.as_tensor(value) for key, value in state.items()}
@@ -21,7 +31,11 @@ def save_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimiz
 
 
 def load_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Any]:
-    """Restore what `save_training` wrote; returns its `about`."""
+    """Load a checkpoint of `save_training` into a network and an optimizer, and return its `about`.
+
+    Raises:
+        UserError: the file is no checkpoint, or its weights do not fit the network.
+    """
     tensors, about = read_file(path)
     prefix = "model."
     fill(network, {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}, path)

@@ -1,4 +1,4 @@
-"""The network of a run with finished weights: named by the recipe, found in a run folder, or trained now."""
+"""Network of a run, with weights that the recipe names, that a run folder holds, or that are trained."""
 
 import json
 import shutil
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
 RETRAINING = "retraining"
-"""The folder in a run folder where `--retrain` keeps its checkpoint and its history until it is finished."""
+"""Folder within a run folder for the checkpoint and the history of `--retrain`, until training is finished."""
 
 
 def trained(
@@ -44,19 +44,25 @@ def trained(
     options: RunOptions,
     progress: Progress,
 ) -> tuple[Network, dict[str, Any]]:
-    """The recipe's network with finished weights, and where they came from.
+    """Return the network of a recipe with finished weights, and the origin of the weights.
+
+    Weights that the recipe names are loaded, or else finished weights of exactly this recipe, its data and the code of
+    its parts, or, with `options.keep_weights`, weights of other code. Otherwise the network is trained.
 
     Args:
-        recipe: as it is run.
-        registry: gives the parts.
-        fingerprint: of the data.
-        data: gives its splits.
-        fabric: launched; says where to train.
-        options: where runs are kept, and whether old weights are kept or replaced.
-        progress: shows what is done.
+        recipe: recipe of the run.
+        registry: installed parts.
+        fingerprint: fingerprint of the data.
+        data: function that returns a split of the data.
+        fabric: launched Fabric, with the device and the processes of training.
+        options: folder of the runs, and the treatment of existing weights.
+        progress: progress bars and console for messages.
+
+    Returns:
+        The network, and the fields of `pcsr.results.Training`. After training only the first process has the fields.
 
     Raises:
-        UserError: the weights that are asked for are not there, or cannot be used.
+        UserError: the weights that the recipe or the options ask for do not exist or cannot be used.
     """
     named = check_weights(recipe, registry)
     folder = run_folder(recipe, options)
@@ -73,13 +79,13 @@ def trained(
     earlier = None if options.retrain else of_other_code(recipe, fingerprint, options.runs, registry)
     if options.keep_weights:
         return _kept(recipe, earlier, registry, options, progress)
-    # Until new weights are finished, those that are there stay as they are, and their history with them.
+    # Existing weights and their history are replaced only when the new weights are finished.
     training_folder = folder / RETRAINING if options.retrain else folder
-    # One process writes the recipe and builds the data, the others wait and read it.
+    # One process writes the recipe and builds the data. The others wait and then read it.
     with fabric.rank_zero_first():
         train_data, validation = data("train", progress), data("validation", progress)
         if fabric.is_global_zero:
-            data("test", progress)  # what is missing or damaged is reported before hours of training
+            data("test", progress)  # report missing or damaged data before hours of training
             write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
             training_folder.mkdir(exist_ok=True)
     if fabric.is_global_zero:
@@ -105,7 +111,7 @@ def trained(
         loaders=max(1, options.jobs // fabric.world_size) if options.jobs else LOADERS,
         data_fingerprint=fingerprint,
     )
-    if not fabric.is_global_zero:  # the history is the first process's, who may not be done with it
+    if not fabric.is_global_zero:  # the first process writes the history, and may still be writing
         return network, {}
     training = _training(training_folder, fabric)
     card: dict[str, Any] = {
@@ -123,7 +129,7 @@ def trained(
     save_weights(folder / WEIGHTS, network, card, registry)
     if options.retrain:
         write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
-        (training_folder / CHECKPOINT).unlink()  # first: without its history it would be of no use
+        (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
         shutil.rmtree(training_folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)
     return network, {**training, "source": "trained by this run"}
@@ -132,10 +138,10 @@ def trained(
 def _kept(
     recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, options: RunOptions, progress: Progress
 ) -> tuple[Network, dict[str, Any]]:
-    """The network with weights of other code, which the results note.
+    """Load weights that were trained with other code of a part; the results record it.
 
     Raises:
-        UserError: there are none, or they don't fit the code of now.
+        UserError: there are no such weights, or they do not fit the current code.
     """
     if earlier is None:
         raise UserError(
@@ -157,7 +163,7 @@ def _kept(
 
 
 def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
-    """A network with the weights of a file, and what its card says of their training."""
+    """Load a network from a weights file, with the fields of `pcsr.results.Training` from its card."""
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always", PcsrWarning)
@@ -171,7 +177,7 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
 
 
 def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
-    """What the history says of a finished training."""
+    """Read the fields of `pcsr.results.Training` from the history of a finished training run."""
     lines = [json.loads(line) for line in (folder / HISTORY).read_text(encoding="utf-8").splitlines()]
     steps = [line for line in lines if "loss" in line]
     checks = [line["validation"] for line in lines if "validation" in line]

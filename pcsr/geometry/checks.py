@@ -1,4 +1,4 @@
-"""Checks of clouds: whether an array of points is a cloud, and whether two things lie in one frame and unit."""
+"""Checks of clouds: finite coordinates, an extent, and a common frame and unit."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from pcsr.errors import UserError
 
 
 def check_cloud(points: np.ndarray, name: str = "the cloud", *, extent: bool = False, remedy: str = "") -> None:
-    """Refuse points that are no cloud.
+    """Check that points are a cloud.
 
     Args:
-        points: (n, 3).
-        name: of the cloud, in messages.
-        extent: whether points that all coincide are refused too.
-        remedy: what can be done about points that are not finite, besides removing them.
+        points: array (n, 3).
+        name: name of the cloud in messages.
+        extent: whether it is an error that all points coincide.
+        remedy: remedy for points that are not finite, besides removing them.
 
     Raises:
         UserError: there are no points, a coordinate is not finite, or all points coincide.
@@ -24,7 +24,7 @@ def check_cloud(points: np.ndarray, name: str = "the cloud", *, extent: bool = F
         raise UserError(
             f"{name}: {bad} of {len(points)} points have a coordinate that is not finite: remove them{remedy}"
         )
-    # A radius would not do: a mean of equal numbers may be off by one bit.
+    # The mean of equal numbers may differ from them by one bit, so a radius of 0 is no criterion.
     if extent and (points == points[0]).all():
         raise UserError(
             f"all {len(points)} points of {name} lie on one spot, {points[0].tolist()}: a cloud needs an extent"
@@ -42,20 +42,20 @@ def check_frame(
     most_size: float = np.inf,
     power: int = 0,
 ) -> None:
-    """Refuse what lies so far from a reference, or is so large, that it must be in another frame or unit.
+    """Check that an object is in the frame and unit of a reference: not too far away, and not too large.
 
     Args:
-        name: of what is checked, in messages: "touch 3".
-        reference: what it is compared with: "the cloud".
-        distance: between the two.
+        name: name of the object in messages, such as "touch 3".
+        reference: name of the reference in messages, such as "the cloud".
+        distance: distance between object and reference.
         extent: length of the reference.
-        most_distance: the largest distance that is accepted, in extents of the reference.
-        size: length of what is checked.
-        most_size: the largest size that is accepted, in extents of the reference.
-        power: lengths are handed over divided by two to this power, and shown multiplied by it.
+        most_distance: largest accepted distance, in extents of the reference.
+        size: length of the object.
+        most_size: largest accepted size, in extents of the reference.
+        power: binary exponent by which the lengths were scaled down; messages show them multiplied by 2^power.
 
     Raises:
-        UserError: it is farther away or larger; the message says all lengths.
+        UserError: the object is farther away or larger. The message names all lengths.
     """
     if distance <= most_distance * extent and size <= most_size * extent:
         return

@@ -1,4 +1,4 @@
-"""Frames of clouds, centred on the cloud with its farthest point on the unit sphere: parallel or along its axes."""
+"""Frames of clouds: normalisation to the unit sphere, with the axes kept or along the principal axes."""
 
 from dataclasses import dataclass
 
@@ -10,28 +10,30 @@ from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.magnitude import exponent, scaled
 
 SMALLEST, LARGEST = 1e-300, 1e307
-"""Radii with which doubles divide and multiply without loss."""
+"""Range of radii by which doubles can be divided and multiplied without overflow or loss of precision."""
 DIGITS = 7
-"""Decimals of coordinates in a patch's own frame: about what single precision holds."""
+"""Decimals of coordinates in a principal-axes frame, about the precision of float32."""
 
 
 @dataclass(frozen=True)
 class UnitSphere:
-    """Maps any frame and unit to the unit sphere and back.
+    """Bounding sphere of a cloud, which maps coordinates to the unit sphere and back.
 
-    The centre is subtracted in float64, before anything is rounded to float32, so that coordinates in the
-    millions of metres keep their precision.
+    The centre is subtracted in float64 before coordinates are rounded to float32. Coordinates in the millions of
+    metres thus keep their precision.
     """
 
     centre: Float[np.ndarray, "3"]
+    """Centroid of the cloud."""
     radius: float
+    """Distance of the farthest point from the centroid."""
 
     @classmethod
     def fit(cls, points: Float[np.ndarray, "n 3"]) -> "UnitSphere":
-        """The sphere about the centroid that reaches the farthest point.
+        """Compute the sphere around the centroid through the farthest point.
 
         Raises:
-            UserError: the cloud is empty, not finite, all on one spot, or at the end of what doubles hold.
+            UserError: the cloud is empty, not finite, without extent, or too small or large for doubles.
         """
         cloud = np.asarray(points, np.float64)
         check_cloud(cloud, extent=True)
@@ -49,19 +51,19 @@ class UnitSphere:
         return sphere
 
     def normalize(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
-        """Into the unit sphere; float32."""
+        """Map points to the unit sphere, as float32."""
         inside: Float[np.ndarray, "*k 3"] = (points.astype(np.float64) - self.centre) / self.radius
         return inside.astype(np.float32)
 
     def denormalize(self, points: Float[np.ndarray, "*k 3"]) -> Float[np.ndarray, "*k 3"]:
-        """Back to the original frame and unit; float64."""
+        """Map points back to the original frame and unit, as float64."""
         original: Float[np.ndarray, "*k 3"] = points.astype(np.float64) * self.radius + self.centre
         return original
 
 
 @dataclass(frozen=True)
 class OwnFrame:
-    """A frame along the principal axes of a cloud: rotated, moved and scaled, the cloud looks the same in it."""
+    """Principal-axes frame of a cloud. Coordinates in it are invariant to rotation, translation and scale."""
 
     centre: Float[np.ndarray, "3"]
     axes: Float[np.ndarray, "3 3"]
@@ -69,26 +71,27 @@ class OwnFrame:
 
     @classmethod
     def of(cls, points: Float[np.ndarray, "n 3"]) -> "OwnFrame":
-        """The frame centred on the cloud, along the cloud's principal axes, its farthest point on the unit sphere."""
+        """Compute the frame around the centroid, with the farthest point on the unit sphere."""
         centre = points.mean(0)
         radius = float(np.linalg.norm(points - centre, axis=1).max())
         return cls(centre, principal_axes(points), radius or 1.0)
 
     def normalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
-        """Into the frame, rounded to `DIGITS`: digits behind depend on where the cloud was, and would decide ties."""
+        """Map points to the frame, rounded to `DIGITS`. Further digits depend on the original frame and decide ties."""
         local: Float[np.ndarray, "p 3"] = np.round((points - self.centre) @ self.axes / self.radius, DIGITS)
         return local
 
     def denormalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
-        """Back to the original frame and unit."""
+        """Map points back to the original frame and unit."""
         outside: Float[np.ndarray, "p 3"] = points * self.radius @ self.axes.T + self.centre
         return outside
 
 
 def principal_axes(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3 3"]:
-    """A right-handed frame of the cloud's own, as columns: widest spread first, each to the side of the longer tail.
+    """Compute the principal axes of a cloud as the columns of a right-handed matrix, largest variance first.
 
-    It turns with the cloud, unless the cloud is symmetric.
+    The first two axes point to the side of positive third moment. The axes rotate with the cloud, unless it is
+    symmetric.
     """
     centred = points - points.mean(0)
     scale = np.abs(centred).max() or 1.0

@@ -1,7 +1,7 @@
-"""A cloud of any size as patches of one size: each point in the core of one patch, and in the margin of others.
+"""Overlapping patches of a cloud. Each point is in the core of exactly one patch, and may be in margins of others.
 
-What becomes of the space nearest to a point is the business of the patch whose core the point is in. So nothing is
-made twice, nothing is left out, and each patch may be worked on without knowing of the others.
+Output nearest to a core point belongs to that patch. Patches can thus be processed independently, without gaps and
+without duplicates.
 """
 
 from collections.abc import Iterator
@@ -17,21 +17,21 @@ from pcsr.geometry.frames import principal_axes
 
 @dataclass(frozen=True)
 class Patch:
-    """Rows of a cloud."""
+    """Patch of a cloud: its core, and a margin around it."""
 
     rows: Int[np.ndarray, " n"]
-    """The core's first, then the margin's, nearest first."""
+    """Row numbers in the cloud: the core, then the margin in the order of distance."""
     core: int
-    """How many are the core's."""
+    """Number of rows of the core."""
 
 
 def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[Patch]:
-    """Patches of `size` points, or one of all points where there are no more.
+    """Divide a cloud into patches of `size` points, or one patch if there are no more points.
 
     Args:
-        points: the cloud, in any frame; finite.
-        size: points of a patch.
-        core: most points of a patch's core.
+        points: finite points, in any frame.
+        size: number of points of a patch.
+        core: largest number of points in a core.
     """
     if len(points) <= size:
         yield Patch(np.arange(len(points)), len(points))
@@ -44,16 +44,19 @@ def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[
 
 
 def in_patch(touches: Float[Tensor, "*b m 3"]) -> Bool[Tensor, "*b"]:
-    """Which touches belong to a patch, whose own frame they are in: those whose middle lies in its unit sphere."""
+    """Return which touches belong to a patch: those whose centroid lies in its unit sphere.
+
+    Args:
+        touches: touches in the frame of the patch.
+    """
     inside: Tensor = touches.mean(-2).norm(dim=-1) <= 1
     return inside
 
 
 def cells(points: Float[np.ndarray, "n 3"], most: int) -> Iterator[Int[np.ndarray, " cell"]]:
-    """A cloud cut into cells of about equal size, of `most` points at most; neighbouring cells follow each other.
+    """Divide a cloud into cells of about equal size and at most `most` points. Consecutive cells are neighbours.
 
-    Each cut is across the direction in which the points spread farthest, so that cells are round, and the same
-    however the cloud is turned.
+    The cloud is split recursively along its first principal axis. Cells are thus compact, and invariant to rotation.
     """
     waiting = [np.arange(len(points))]
     while waiting:

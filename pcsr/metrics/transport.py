@@ -1,13 +1,13 @@
-"""Optimal transport of one large cloud to another: a sparse problem, made larger until its solution is proven.
+"""Optimal transport between large clouds: a sparse problem that grows until its solution is proven.
 
-Every point has the same mass, so the cheapest plan is an assignment (points that coincide are one of more mass, which
-changes nothing but the time). Of the n² pairs very few are of use. The dual potentials u and v show which: if
-u[i] + v[j] never exceeds the distance of i and j, no plan costs less than all masses times their potentials, and a pair
-whose distance exceeds u[i] + v[j] by much is in no good plan.
+All points have the same mass, so the optimal plan is an assignment. Coinciding points are merged to save time, and
+their masses added. Few of the n² pairs matter, and the dual potentials u and v show which. If u[i] + v[j] never
+exceeds the distance of i and j, the sum of masses times potentials is a lower bound of the cost. Pairs whose distance
+is much larger than u[i] + v[j] are in no good plan.
 
-First potentials come from a small problem, the centroids of small cells of both clouds. Then the network simplex of POT
-(Bonneel et al., ACM TOG 30, 2011) solves the pairs that look best, and its potentials are held against all pairs. Where
-they are too high, pairs are missing, and are added.
+Initial potentials are computed from the centroids of small cells of both clouds. The network simplex of POT (Bonneel et
+al., ACM TOG 30, 2011) then solves the problem of the most promising pairs. Its potentials are compared with all pairs.
+Pairs that violate the bound are added, and the problem is solved again.
 """
 
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -23,19 +23,17 @@ from pcsr.tensors import CloudArray
 from pcsr.threads import allowed, single_thread, threads
 
 CELL = 8
-"""Points of a cell of the small problem: larger ones give worse first potentials, smaller ones a larger problem."""
+"""Number of points of a cell. Larger cells give worse initial potentials, smaller cells a larger initial problem."""
 FIRST, MORE = 16, 8
-"""Pairs of each point: in the first sparse problem, from both sides, and added in each round."""
+"""Number of pairs of each point in the first sparse problem, and number of pairs added in each round."""
 BLOCK = 32
-"""Points whose distances to all others are held in memory at once."""
+"""Number of points whose distances to all others are in memory at the same time."""
 PIVOTS = 10**9
-"""Steps of the network simplex: no limit in practice."""
-
+"""Largest number of steps of the network simplex, not reached in practice."""
 ROUNDING = 1e-12
-"""A gap of so much of the clouds' extent is the arithmetic's."""
-
+"""Gaps up to this share of the clouds' extent are attributed to rounding."""
 USER = "the earth mover's distance of large clouds"
-"""What needs POT, in a message to who hasn't got it."""
+"""Reason for the need of POT, in the message if it is not installed."""
 Prices = Float[np.ndarray, " n"]
 Counts = Int[np.ndarray, " n"]
 Other = Float[np.ndarray, "m 3"]
@@ -45,25 +43,25 @@ Pairs = Int[np.ndarray, " pairs"]
 
 
 def mean_distance(a: CloudArray, b: CloudArray, tolerance: float) -> tuple[float, float]:
-    """Mean distance of a one-to-one assignment of a to b that is proven to be near the best.
+    """Compute the mean distance of a one-to-one assignment of a to b that is optimal up to a tolerance.
 
     Args:
         a: at least one point; finite.
-        b: as many.
-        tolerance: how much the mean distance may exceed the proven bound, as a part of itself.
+        b: as many points.
+        tolerance: largest difference between the mean distance and its lower bound, relative to the mean distance.
 
     Returns:
-        The mean distance, and the lower bound on that of any assignment.
+        The mean distance, and a lower bound for all assignments.
 
     Raises:
         UserError: the extra `[train]` is not installed.
     """
-    # All that follows is about numbers near 1, whatever the unit and wherever the clouds are.
+    # Coordinates are scaled to [0, 1], whatever their unit and origin.
     corner = np.minimum(a.min(0), b.min(0))
     extent = float(np.maximum((a - corner).max(), (b - corner).max()))
     if extent == 0:
         return 0.0, 0.0
-    # Threads that work on blocks of their own: those inside of each operation would wait for one another all the time.
+    # Each thread works on its own blocks. Threads within operations would wait for each other most of the time.
     with threads(1), ThreadPoolExecutor(allowed(), initializer=single_thread) as pool:
         mean, bound = _mean_distance((a - corner) / extent, (b - corner) / extent, tolerance, pool)
     return extent * mean, extent * bound
@@ -89,22 +87,22 @@ def _mean_distance(a: CloudArray, b: CloudArray, tolerance: float, pool: Executo
 
 
 def _cells(cloud: CloudArray) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
-    """Centroids of small cells, and the share of the points in each."""
+    """Return the centroids of small cells, and the share of the points in each cell."""
     rows = list(cells(cloud, CELL))
     centres = np.stack([cloud[some].mean(0) for some in rows])
     return centres, np.array([len(some) / len(cloud) for some in rows])
 
 
 def _some_plan(count_a: Counts, count_b: OtherCounts) -> Pairs:
-    """The pairs of a plan, however bad: so that there always is one. Both clouds are laid end to end and cut."""
+    """Return the pairs of an arbitrary feasible plan: points are matched in their order. It ensures a solution."""
     ends_a, ends_b = np.cumsum(count_a), np.cumsum(count_b)
     cuts = np.union1d(ends_a, ends_b)
     return np.searchsorted(ends_a, cuts) * len(count_b) + np.searchsorted(ends_b, cuts)
 
 
 def _potentials_of_cells(a: CloudArray, b: CloudArray) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
-    """Centroids of a's cells, and their potentials in the best plan to those of b's."""
-    ot = imported("ot", USER)  # takes a second
+    """Return the centroids of the cells of a, and their potentials in the optimal plan to the cells of b."""
+    ot = imported("ot", USER)  # imported here, which takes a second
     (centres, shares), (centres_b, shares_b) = (_cells(cloud) for cloud in (a, b))
     cost = np.linalg.norm(centres[:, None] - centres_b, axis=2)
     log = ot.emd(shares, shares_b, cost, numItermax=PIVOTS, log=True, center_dual=False)[1]
@@ -114,7 +112,7 @@ def _potentials_of_cells(a: CloudArray, b: CloudArray) -> tuple[Float[np.ndarray
 def _solve(
     a: CloudArray, count_a: Counts, b: Other, count_b: OtherCounts, pairs: Pairs
 ) -> tuple[float, Prices, OtherPrices]:
-    """The mean distance of the best plan that uses these pairs alone, and the potentials u and v that prove it."""
+    """Return the mean distance of the optimal plan with these pairs only, and its dual potentials u and v."""
     ot = imported("ot", USER)
     i, j = np.divmod(pairs, len(b))
     cost = coo_array((np.linalg.norm(a[i] - b[j], axis=1), (i, j)), shape=(len(a), len(b)))
@@ -126,21 +124,21 @@ def _solve(
 def _cheapest(
     pool: Executor, a: CloudArray, b: Other, v: OtherPrices, count: int, u: Prices | None = None
 ) -> tuple[Prices, Pairs]:
-    """For each point of a the least distance − v, and pairs with the up to `count` points of b where it is least.
+    """Return the least distance − v of each point of a, and its pairs with the `count` points of b of least value.
 
-    With u, each point of b that some point of a would pay more for than their distance is paired with the one that
-    would pay most: that helps where many points of a are alike, and all are cheapest with the same points of b.
+    With u, each point of b whose bound u[i] + v[j] ≤ distance is violated is also paired with the point of a that
+    violates it most. This helps if many points of a are similar and have the same cheapest points of b.
     """
     count = min(count, len(b))
     points, others, potentials = (torch.from_numpy(array) for array in (a, b, v))
-    # Made at once: small arrays that stay, between the large ones that go, would keep the memory of all of them.
+    # Allocated once: small arrays between large temporary ones would fragment the memory.
     least = torch.zeros(len(a), dtype=torch.float64)
     partners = torch.zeros((len(a), count), dtype=torch.int64)
     gain = torch.zeros(len(b), dtype=torch.float64)
     winner = torch.zeros(len(b), dtype=torch.int64)
 
     def look(start: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Fill a block of `least` and `partners`; which points of b gain, how much, and with whom."""
+        """Fill a block of `least` and `partners`, and return points of b with violated bounds, values and partners."""
         rows = slice(start, start + BLOCK)
         cost = torch.cdist(points[rows], others, compute_mode="donot_use_mm_for_euclid_dist").sub_(potentials)
         values, partners[rows] = cost.topk(count, largest=False)

@@ -1,1 +1,1 @@
-"""The network: parts in a row, built from a recipe, saved and loaded."""
+"""Networks: building from a recipe, saving and loading."""

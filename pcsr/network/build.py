@@ -1,4 +1,4 @@
-"""The builder of networks: from a recipe to a network with freshly initialised weights."""
+"""Builder of networks: a recipe's network with initial weights."""
 
 import torch
 
@@ -10,11 +10,12 @@ from pcsr.recipe import Recipe
 
 
 def build(recipe: Recipe, registry: Registry) -> Network:
-    """The network of a recipe, with the weights that its seed gives.
+    """Build the network of a recipe, with initial weights determined by the recipe's seed.
+
+    The random state of torch is not changed.
 
     Raises:
-        UserError: parts that don't fit together, such as a fusion that needs touch features without a
-            `touch_encoder`.
+        UserError: the parts do not fit together, such as a touch encoder and a fusion without touch features.
     """
     parts = recipe.model
     with torch.random.fork_rng(devices=[]):

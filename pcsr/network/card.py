@@ -1,4 +1,4 @@
-"""The parts of weights in their card: who made them, whether they are installed, and whether their code changed."""
+"""Parts in the card of weights: their origin, whether they are installed, and whether their code has changed."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -14,15 +14,15 @@ from pcsr.version import __version__
 from pcsr.weights.fit import RETRAIN
 
 PLAIN = {"kind": r"[a-z]+", "name": r"[\w.-]+", "owner": r"[\w. -]+", "version": r"[\w.+!-]+"}
-"""The form of what a card states of a part. It becomes part of a command to run, so nothing else is read."""
+"""Patterns of a part's fields in a card. Other values are ignored, since messages suggest commands with them."""
 LONG = 100
-"""Characters of a name in a message, of which a card may have millions."""
+"""Largest number of characters of a card's name that a message shows."""
 
 
 def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[str, str]]:
-    """The parts of a resolved recipe that do not come with pcsr: kind, name, owner and version of each.
+    """Return kind, name, owner and version of each third-party part of a resolved recipe.
 
-    Of a plugin file the owner is its name, without the folder, and the version is "file".
+    The owner of a part from a plugin file is the name of the file without its folder, and the version is "file".
     """
     parts = []
     for kind, name in _used(recipe):
@@ -33,7 +33,10 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
 
 
 def _used(recipe: Mapping[str, Any], keys: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
-    """Kind and name of each part that a recipe names under these keys, each once, whatever else is wrong with it."""
+    """Return kind and name of each part that a recipe names under `keys`, without repetitions.
+
+    The recipe need not be valid.
+    """
     used = []
     for section, key in (part for part in PARTS if part in keys):
         inner = recipe.get(str(section))
@@ -44,7 +47,7 @@ def _used(recipe: Mapping[str, Any], keys: Collection[Keys] = PARTS.keys()) -> l
 
 
 def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
-    """What a card says of foreign parts, as far as it can be believed."""
+    """Return the third-party parts of a card whose fields match `PLAIN`."""
     parts = card.get("parts")
     return [
         part
@@ -55,10 +58,10 @@ def _parts(card: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None:
-    """Name the parts of the network that are not here, and what brings them.
+    """Check that all parts of the network in a card are installed.
 
     Raises:
-        UserError: at least one is not here.
+        UserError: parts are missing. The message names them, and the plugins that register them.
     """
     known = {(part["kind"], part["name"]): part for part in _parts(card)}
     missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
@@ -68,8 +71,8 @@ def check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None
 
 
 def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
-    """A part that is not here, and the remedy."""
-    if part is None:  # before it was noted, or a part of ours that has gone
+    """Describe a missing part and the remedy."""
+    if part is None:  # a card without this field, or a first-party part that was removed
         name = name if re.fullmatch(PLAIN["name"], name[:LONG]) else ascii(name[:LONG])[1:-1]
         return f"{kind} '{name[:LONG]}', which no plugin here brings: install the one that does, or hand its file in"
     owner, version = part["owner"], part["version"]
@@ -82,14 +85,14 @@ def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Regi
     return f"{kind} '{name}' of {owner} {version}{here}: pip install {owner}=={version}"
 
 
-def made_by(card: Mapping[str, Any], registry: Registry) -> str:
-    """What to do about weights that don't fit: which versions made them, and which are here."""
-    made, here, install, files = [], [], [], []
+def mismatch_remedy(card: Mapping[str, Any], registry: Registry) -> str:
+    """Describe the versions at training, those installed, and the remedy, for weights that do not fit."""
+    before, here, install, files = [], [], [], []
     for part in _parts(card):
         entry = registry.entries.get((part["kind"], part["name"]))
         if entry is None or (entry.brought_by, entry.version) == (part["owner"], part["version"]):
             continue
-        made.append(f"{part['kind']} '{part['name']}' of {part['owner']} {part['version']}")
+        before.append(f"{part['kind']} '{part['name']}' of {part['owner']} {part['version']}")
         here.append(f"{entry.brought_by} {entry.version}")
         if part["version"] == FILE:
             files.append(part["owner"])
@@ -97,29 +100,29 @@ def made_by(card: Mapping[str, Any], registry: Registry) -> str:
             install.append(f"{part['owner']}=={part['version']}")
     version = card.get("version")
     if isinstance(version, str) and re.fullmatch(PLAIN["version"], version) and version != __version__:
-        made.append(f"pcsr {version}")
+        before.append(f"pcsr {version}")
         here.append(f"pcsr {__version__}" if here else __version__)
         install.append(f"pcsr=={version}")
-    if not made:
+    if not before:
         return RETRAIN
     remedies = [f"pip install {' '.join(dict.fromkeys(install))}"] if install else []
     remedies += [f"hand in {file} with --plugin" for file in dict.fromkeys(files)]
     return (
-        f"They were made by {' and '.join(made)}, this is {' and '.join(here)}: {', '.join(remedies)}, or train again"
+        f"They were made by {' and '.join(before)}, this is {' and '.join(here)}: {', '.join(remedies)}, or train again"
     )
 
 
 def changed(recipe: Recipe, written: Any, registry: Registry, keys: Iterable[Keys] = PARTS.keys()) -> dict[str, str]:
-    """The parts whose code is other than it was.
+    """Return the parts whose code has changed since training.
 
     Args:
-        recipe: with the code of now.
-        written: the recipe as it was resolved then, in a card.
-        registry: who brings the parts now.
-        keys: the sections and keys whose parts are compared.
+        recipe: recipe with the hashes of the current code.
+        written: resolved recipe of a card, with the hashes of the code at training.
+        registry: installed parts.
+        keys: sections and keys of the parts to compare.
 
     Returns:
-        By its place each part in words, such as "fusion 'x' (mine.py)".
+        Dotted keys of the recipe to descriptions of parts, such as "fusion 'x' (mine.py)".
     """
     then = written.get("code") if isinstance(written, dict) else None
     then = then if isinstance(then, dict) else {}
@@ -135,9 +138,9 @@ def changed(recipe: Recipe, written: Any, registry: Registry, keys: Iterable[Key
 
 
 def other_code(recipe: Recipe, card: Mapping[str, Any], registry: Registry) -> str | None:
-    """What to say of weights whose network has other code here than when they were made; None if it has the same.
+    """Describe how the code of a network's parts differs from that at training; `None` if it does not differ.
 
-    Plugins whose code the card does not hold are passed over: cards of pcsr 0.1.0 hold none.
+    Parts without a hash in the card are ignored: cards of pcsr 0.1.0 have none.
     """
     written = card.get("recipe")
     then = written.get("code", {}) if isinstance(written, dict) else {}

@@ -1,4 +1,4 @@
-"""The reader of weights files into networks: the recipe in the card is checked, built, and filled with the weights."""
+"""Loader of networks from weights files: builds the network of the recipe in the card, and loads the weights."""
 
 import warnings
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ import torch
 
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.network.build import build
-from pcsr.network.card import check_parts, made_by, other_code
+from pcsr.network.card import check_parts, mismatch_remedy, other_code
 from pcsr.network.network import Network
 from pcsr.network.outline import bounded, outline
 from pcsr.network.save import tensors_hash
@@ -21,26 +21,26 @@ from pcsr.weights.fit import check_fit, fill
 
 
 def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:
-    """A network ready for use (in `eval` mode), its recipe and its card.
+    """Load a network from a weights file.
 
-    Of the recipe only the parts of the network must be installed. Those of the data and the training are as the card
-    says.
+    Only the parts of the network must be installed. Those of the data and the training are not checked.
+
+    Returns:
+        The network in `eval` mode, its recipe, and the card of the file.
 
     Raises:
-        UserError: no weights file, one that was damaged or changed, a part that is not installed, or weights that
-            don't fit the recipe. The message says what to do.
+        UserError: the file is no weights file, is damaged or changed, needs a part that is not installed, or does not
+            fit its recipe.
 
     Warns:
-        PcsrWarning: the code of a part is not that with which they were made.
+        PcsrWarning: the code of a part has changed since training.
     """
     card = read_card(path)
     recipe = card.get("recipe")
     if not isinstance(recipe, dict):
-        raise UserError(
-            f"{path} holds no recipe, so nobody knows which network its weights are of: it is no weights file"
-        )
+        raise UserError(f"{path} holds no recipe, so its network is unknown: it is no weights file of pcsr")
     check_parts(path, card, registry)
-    remedy = made_by(card, registry)
+    remedy = mismatch_remedy(card, registry)
     checked = _checked(path, recipe, registry, remedy)
     origin = other_code(checked, card, registry)
     if origin:
@@ -59,10 +59,10 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
 
 @contextmanager
 def _building(path: Path, remedy: str) -> Iterator[None]:
-    """Explain any error within it: parts may raise whatever they like at options that were not meant for them.
+    """Turn any error into a user error: constructors of parts may raise any error for unexpected options.
 
     Raises:
-        UserError: there was one.
+        UserError: building the network fails within the context.
     """
     try:
         yield
@@ -72,16 +72,16 @@ def _building(path: Path, remedy: str) -> Iterator[None]:
 
 
 def _checked(path: Path, recipe: dict[str, Any], registry: Registry, remedy: str) -> Recipe:
-    """The recipe in a card."""
+    """Check the recipe of a card."""
     with _building(path, remedy):
         return check_card(recipe, registry, "recipe in the weights")
 
 
 def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str) -> Network:
-    """The network of a recipe, which is first compared with the file without memory for its weights.
+    """Build the network of a recipe after comparing its outline with the file, which needs no memory for weights.
 
     Raises:
-        UserError: it cannot be built, or is not that of the file.
+        UserError: the network cannot be built, or does not fit the file.
     """
     shapes = read_shapes(path)
     with _building(path, remedy):

@@ -82,11 +82,11 @@ class Network(nn.Module):
         return sum(p.numel() for p in self.parameters())
 
     def _kept(self, touches: TouchBatch | None) -> TouchBatch | None:
-        """The touches whose points are part of the dense cloud, if any are."""
+        """Return the touches whose points are part of the dense cloud; `None` if the fusion keeps none."""
         return touches if self.fusion.keeps_touched_points else None
 
     def _generate(self, points: Points, rate: int, touches: TouchBatch | None) -> list[Float[Tensor, "b _ 3"]]:
-        """The upsampler's clouds, before touched points are added; in training the last has `rate`·n points."""
+        """Return the upsampler's clouds without touched points. In training the last has `rate`·n points."""
         start = self.upsampler.prepare(points, rate)
         cloud, features = self.refine(start, touches)
         left = rate * points.shape[1] // start.shape[1]
@@ -123,13 +123,13 @@ def encode(touch_encoder: Encoder | None, touches: TouchBatch) -> TouchBatch:
 
 
 def _first_rate(rate: int, limit: int) -> int:
-    """The first of two factors of `rate`, both at most `limit` and as equal as possible; 1 if there are none."""
+    """Return the first of two factors of `rate`, at most `limit` and as equal as possible; 1 if there are none."""
     divisors = [d for d in range(1, rate + 1) if rate % d == 0]
     return min(divisors, key=lambda d: (max(d, rate // d) > limit, abs(d - rate**0.5), -d))
 
 
 def _random_subset(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
-    """At most `count` points of each row, chosen at random.
+    """Return at most `count` random points of each row.
 
     Dropping surplus points at random in training forces the network to spread them; otherwise it generates duplicates.
     Keeping the points that are farthest apart instead has no gradient and takes longer than the network itself.
@@ -141,7 +141,7 @@ def _random_subset(dense: Dense, count: int) -> Float[Tensor, "b kept 3"]:
 
 
 def _with_touched(dense: Dense, *, touches: TouchBatch | None) -> Float[Tensor, "b more 3"]:
-    """The dense cloud with all touched points behind it; a missing touch is filled with copies of its own points."""
+    """Append all touched points to the dense cloud; a missing touch is filled with copies of the cloud's points."""
     if touches is None:
         return dense
     copied = dense.detach()[:, torch.arange(touches.points.shape[2], device=dense.device) % dense.shape[1]]
@@ -168,7 +168,7 @@ def _thin(dense: Dense, *, count: int, touches: TouchBatch | None) -> Float[Tens
     for i, row in enumerate(dense):
         touched = row[:0] if touches is None else touches.points[i, touches.mask[i]].flatten(0, 1)
         both = torch.cat([touched, row])
-        if not len(touched) and len(row) == count:  # without touches the row is what it would be alone
+        if not len(touched) and len(row) == count:  # rows without touches are independent of the others
             rows.append(row)
             continue
         kept = even_subset(both.detach().cpu().numpy(), count, len(touched))

@@ -1,4 +1,4 @@
-"""The outline of a network: names and shapes of its weights, known before any memory is spent on them."""
+"""Outline of a network: names and shapes of its weights, computed without memory for them."""
 
 import threading
 from collections.abc import Iterator
@@ -19,33 +19,33 @@ from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 
 LAYERS = 1000
-"""Layers, weights and buffers that any network may have, beside
-`LAYERS_PER_WEIGHT` for each of its weights: activations, containers, layers that are built and thrown away."""
+"""Number of modules, parameters and buffers that any network may register, such as activations and containers."""
 LAYERS_PER_WEIGHT = 20
+"""Number of modules, parameters and buffers that a network may register for each of its weights, beyond `LAYERS`."""
 COMPUTED = 1 << 24
-"""Most numbers in buffers that are computed when a network is built and stored in no file (64 MB)."""
+"""Largest number of elements in buffers that are computed when a network is built, and not stored (64 MB)."""
 
 
 def outline(recipe: Recipe, registry: Registry, weights: int) -> Network | None:
-    """The network of a recipe without memory for its weights (on torch's device `meta`).
+    """Build the network of a recipe without memory for its weights, on torch's device `meta`.
 
     Args:
-        recipe: its parts are checked.
-        registry: gives them.
-        weights: how many weights it is expected to have. Building ends where it has many more layers than that.
+        recipe: recipe whose parts are checked.
+        registry: installed parts.
+        weights: expected number of weights. Building stops if there are many more layers.
 
     Returns:
-        None where a part cannot be built without memory.
+        The network, or `None` if a part cannot be built on `meta`.
 
     Raises:
-        UserError: many more layers than weights, large buffers, or parts that don't fit together.
+        UserError: there are many more layers than weights, buffers are large, or parts do not fit together.
     """
     try:
         with bounded(weights), torch.device("meta"):
             network = build(recipe, registry)
     except (UserError, MemoryError):
         raise
-    except Exception:  # a constructor that computes with numbers, which there are none of: built for real it says more
+    except Exception:  # a constructor needs values, which `meta` lacks; other errors recur when memory is used
         return None
     stored = network.state_dict().keys()
     computed = sum(buffer.numel() for name, buffer in network.named_buffers() if name not in stored)
@@ -56,17 +56,20 @@ def outline(recipe: Recipe, registry: Registry, weights: int) -> Network | None:
 
 @contextmanager
 def bounded(weights: int) -> Iterator[None]:
-    """Within it, building a network of many more layers than weights ends early.
+    """Limit the number of layers of a network that is built within the context.
+
+    Args:
+        weights: expected number of weights.
 
     Raises:
-        UserError: it has.
+        UserError: the network has many more layers than weights.
     """
     most = LAYERS + LAYERS_PER_WEIGHT * weights
     thread, count = threading.get_ident(), 0
 
     def registered(*_: Any) -> None:
         nonlocal count
-        if threading.get_ident() != thread:  # the hooks are the whole process's
+        if threading.get_ident() != thread:  # the hooks are called for all threads of the process
             return
         count += 1
         if count > most:

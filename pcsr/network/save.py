@@ -1,4 +1,4 @@
-"""The writer of weights files: weights, and the card that describes them as the file's header."""
+"""Writer of weights files: safetensors files with a card in the header."""
 
 import hashlib
 import json
@@ -18,18 +18,19 @@ from pcsr.plugins.registry import Registry
 def save_weights(
     path: Path, network: nn.Module, card: dict[str, Any], registry: Registry | None = None, *, half: bool = False
 ) -> None:
-    """Write weights; the card (recipe, data fingerprint, metrics, version) becomes the file's header.
+    """Save the weights of a network, with a card in the header of the file.
 
     Args:
-        path: the file.
-        network: whose weights.
-        card: what to say of them. The hash of the weights is added as `sha256`.
-        registry: where the recipe's parts are from; those that are not pcsr's own are then added as `parts`.
-        half: store them in half precision, in half the space. Loading gives single precision again; whole numbers stay.
+        path: file to write.
+        network: network whose weights are saved.
+        card: recipe, data fingerprint, version and other plain data. The hash of the weights is added as `sha256`.
+        registry: installed parts. If given, the third-party parts of the recipe are added to the card as `parts`.
+        half: whether weights are stored in half precision. Integers are not changed, and loading restores single
+            precision.
 
     Raises:
         UserError: a weight is too large for half precision.
-        RunError: the file can't be written.
+        RunError: the file cannot be written.
     """
     tensors = network.state_dict()
     if half:
@@ -53,7 +54,7 @@ def _halved(name: str, tensor: Tensor) -> Tensor:
 
 
 def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
-    """SHA-256 over the names, types, shapes and bytes of tensors, in the order of their names."""
+    """Return the SHA-256 hash of the names, types, shapes and bytes of tensors, in the order of their names."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
         digest.update(json.dumps([name, str(tensor.dtype), list(tensor.shape)]).encode() + b"\n")

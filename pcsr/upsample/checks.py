@@ -1,4 +1,4 @@
-"""The check of what a network gives."""
+"""Check of a network's output."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from pcsr.errors import RunError
 
 
 def check_finite(points: np.ndarray) -> None:
-    """Refuse output of a network that is not finite.
+    """Check that the output of a network is finite.
 
     Raises:
         RunError: a coordinate is not finite.

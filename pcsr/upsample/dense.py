@@ -150,8 +150,8 @@ def _tasks(
         share = (before + patch.core) * new // len(cloud) - before * new // len(cloud)
         before += patch.core
         cores.append(patch.core)
-        near = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
-        yield Task(points, patch.core, near, share)
+        nearby = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
+        yield Task(points, patch.core, nearby, share)
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:

@@ -1,20 +1,20 @@
-"""Weights files: those that come with pcsr, how one is found, read, and fitted to a network."""
+"""Weights files: shipped weights, and how weights are found, read, and loaded into a network."""
 
 from pathlib import Path
 
 WEIGHTS = "weights.safetensors"
-"""The name of the weights file in a run folder and on the hub."""
+"""Name of the weights file in a run folder and on the Hugging Face hub."""
 DEFAULT = "frames"
-"""The shipped weights that are used where no model is named."""
+"""Name of the shipped weights that are used by default."""
 HERE = Path(__file__).parent
-"""The folder of the shipped weights."""
+"""Folder of the shipped weights."""
 
 
 def shipped(recipe: str) -> Path:
-    """The path of the shipped weights of a recipe; there may be none."""
+    """Return the path of the shipped weights of a recipe. The file may not exist."""
     return HERE / f"{recipe}.safetensors"
 
 
 def names() -> list[str]:
-    """The names of all shipped weights."""
+    """Return the names of all shipped weights."""
     return sorted(path.stem for path in HERE.glob("*.safetensors"))

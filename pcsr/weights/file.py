@@ -1,7 +1,4 @@
-"""The reader of safetensors files: their tensors, and the card in the header that describes them.
-
-Nothing is unpickled.
-"""
+"""Reader of weights files: safetensors files with a card in the header. Nothing is unpickled."""
 
 import json
 from collections.abc import Iterator
@@ -15,78 +12,81 @@ from torch import Tensor
 from pcsr.errors import UserError
 
 HEADER = 16_000_000
-"""The longest header of a weights file in bytes: a hundred thousand weights take about ten million."""
+"""Largest header of a weights file in bytes. A hundred thousand tensors need about ten million."""
 CARD = 4_000_000
-"""The longest card in characters."""
+"""Largest card in characters."""
 DEPTH = 50
-"""The deepest nesting of mappings and lists in a card."""
+"""Deepest nesting of mappings and lists in a card."""
 NONSENSE = (SafetensorError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
-"""Errors that safetensors, json and torch raise at a nonsensical header, besides `OSError`."""
+"""Errors that safetensors, json and torch raise for an invalid header, besides `OSError`."""
 
 
 @contextmanager
 def open_tensors(path: Path, longest: int = HEADER) -> Iterator[Any]:
-    """Open a safetensors file, as `safetensors.safe_open` does, if its header is no longer than `longest` bytes.
+    """Open a safetensors file like `safetensors.safe_open`, if its header has at most `longest` bytes.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: its header is too long.
-        SafetensorError: it is no safetensors file.
+        OSError: the file cannot be read.
+        ValueError: the header is too long.
+        SafetensorError: the file is no safetensors file.
     """
     with path.open("rb") as raw:
         size = int.from_bytes(raw.read(8), "little")
-    if longest < size < path.stat().st_size:  # one that is longer than the file is no header at all
+    if longest < size < path.stat().st_size:  # a size beyond the end of the file is no header, which safe_open reports
         raise ValueError(f"its header has {size} bytes, and {longest} are the most")
     with safe_open(path, "pt") as file:
         yield file
 
 
 def card_text(file: Any) -> str:
-    """The card in the header of an open safetensors file, as it is written.
+    """Return the unparsed card from the header of an open safetensors file.
 
     Raises:
-        ValueError: there is none.
+        ValueError: the header has no card.
     """
     text = (file.metadata() or {}).get("pcsr")
     if text is None:
-        raise ValueError("it is a safetensors file of somebody else, without a card of pcsr")
+        raise ValueError("it is a safetensors file without a card of pcsr")
     return str(text)
 
 
 def read_file(path: Path, *, tensors: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """The tensors of a weights file as they are stored, and its card.
+    """Read the tensors and the card of a weights file.
 
     Args:
-        path: the file.
-        tensors: False: the card alone, without reading the weights.
+        path: file to read.
+        tensors: whether the tensors are read; otherwise the mapping is empty.
+
+    Returns:
+        The tensors in the stored precision, and the card.
 
     Raises:
-        UserError: it is no weights file of pcsr.
+        UserError: the file is no weights file of pcsr.
     """
     with _explained(path), open_tensors(path) as file:
         card = parse_card(card_text(file))
         return ({name: file.get_tensor(name) for name in file.keys()} if tensors else {}), card  # noqa: SIM118
 
 
-def read_card(path: str | Path) -> dict[str, Any]:
-    """Read the card of a weights file, without the weights.
+def read_card(path: Path) -> dict[str, Any]:
+    """Read the card of a weights file without its tensors.
 
     Raises:
-        UserError: it is no weights file of pcsr.
+        UserError: the file is no weights file of pcsr.
 
     Examples:
         >>> card = pcsr.read_card(pcsr.load("tapsr").path)
-        >>> card["recipe"]["data"]["rate"]
-        16
+        >>> card["recipe"]["model"]["fusion"]["use"]
+        'iterative'
     """
     return read_file(Path(path), tensors=False)[1]
 
 
 def read_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """The shapes of the tensors in a weights file, without reading them.
+    """Read the shapes of the tensors of a weights file without the tensors.
 
     Raises:
-        UserError: it is no safetensors file.
+        UserError: the file is no safetensors file.
     """
     with _explained(path), open_tensors(path) as file:
         return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
@@ -94,10 +94,10 @@ def read_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Explain why a file cannot be read as a weights file.
+    """Turn errors at reading a weights file into user errors.
 
     Raises:
-        UserError: it is none, or what is done with it fails.
+        UserError: there is no such file, or reading it fails within the context.
     """
     if path.is_dir():
         raise UserError(f"{path} is a folder, not a weights file: name the file in it")
@@ -116,10 +116,10 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def parse_card(written: str) -> dict[str, Any]:
-    """The card that a text holds.
+    """Parse a card.
 
     Raises:
-        ValueError: it is no plain data of reasonable size.
+        ValueError: the text is no JSON mapping, is too long, or is nested too deep.
     """
     if len(written) > CARD:
         raise ValueError(f"its card has {len(written)} characters, and {CARD} are the most")
@@ -140,6 +140,6 @@ def _refuse(constant: str) -> None:
 
 
 def _deeper(node: Any, depth: int) -> bool:
-    """Whether plain data are nested deeper than `depth`."""
+    """Return whether plain data are nested deeper than `depth`."""
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
     return depth < 0 or any(_deeper(one, depth - 1) for one in inner)

@@ -1,4 +1,4 @@
-"""The weights file that a name, a file, a run folder or the Hugging Face hub stands for."""
+"""Finder of weights files: by name, file, run folder, or repository on the Hugging Face hub."""
 
 import os
 from collections.abc import Sequence
@@ -13,19 +13,19 @@ from pcsr.weights import WEIGHTS, names, shipped
 def find(
     use: str, folder: Path = Path(), *, paths_first: bool = False, hub: bool = False, others: Sequence[str] = ()
 ) -> Path:
-    """The weights file that a text stands for.
+    """Find a weights file.
 
     Args:
-        use: the name of shipped weights, a file, or a run folder.
-        folder: the folder that paths are relative to.
-        paths_first: whether a file or run folder goes before shipped weights of the same name.
+        use: name of shipped weights, a file, or a run folder.
+        folder: folder to which paths are relative.
+        paths_first: whether a file or run folder takes precedence over shipped weights of the same name.
         hub: whether `org/name` may be a repository on the Hugging Face hub.
-        others: names that the caller knows besides, for the hint in the message.
+        others: other valid names, for the hint in the message.
 
     Raises:
-        UserError: there is no such file, or the folder holds no weights.
+        UserError: there are no such weights, or the folder holds none.
     """
-    # These two take a user that isn't there, and a name that no file can have, for a file that isn't there.
+    # Unlike pathlib, os.path treats unknown users and impossible names as missing files.
     path = folder / Path(os.path.expanduser(use))
     there = os.path.exists(path)
     if use in names() and not (paths_first and there):
@@ -48,9 +48,9 @@ def find(
 
 
 def _from_hub(name: str) -> Path:
-    """The weights file of a repository on the hub, downloaded if need be."""
+    """Return the weights file of a repository on the hub, and download it unless it is cached."""
     hub = imported("huggingface_hub", f"model '{name}' (no file has this name, but the Hugging Face hub may know it)")
     try:
         return Path(hub.hf_hub_download(name, WEIGHTS))
-    except Exception as error:  # whatever the network and the hub may say
+    except Exception as error:  # the network and the hub raise errors of many kinds
         raise UserError(f"model '{name}' cannot be fetched from the hub: {str(error).splitlines()[0]}") from error

@@ -1,4 +1,4 @@
-"""Whether the tensors of a file fit a network: names and shapes compared, and the tensors put in."""
+"""Loading of tensors into a network after a comparison of names and shapes."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,11 +8,11 @@ from torch import Tensor, nn
 from pcsr.errors import UserError
 
 RETRAIN = "They may come from another version of its parts: train again, or install that version"
-"""The remedy where nothing is known about the origin of weights that do not fit."""
+"""Remedy for weights of unknown origin that do not fit a network."""
 
 
 def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path, remedy: str = RETRAIN) -> None:
-    """Put tensors into a network; where they do not fit, nothing is changed.
+    """Load tensors into a network. If they do not fit, the network is not changed.
 
     Raises:
         UserError: names or shapes differ; the message says which, and the remedy.
@@ -22,7 +22,7 @@ def fill(network: nn.Module, tensors: Mapping[str, Tensor], path: Path, remedy: 
 
 
 def check_fit(network: nn.Module, shapes: Mapping[str, tuple[int, ...]], path: Path, remedy: str) -> None:
-    """Compare the names and shapes of a network's weights with those in a file.
+    """Check that a network's weights and those in a file have equal names and shapes.
 
     Raises:
         UserError: names or shapes differ; the message says which, and the remedy.

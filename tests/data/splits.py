@@ -24,7 +24,7 @@ def split(count: int = 7) -> Split:
 
 
 def clouds(batch):
-    return batch.points, batch.touches, batch.mask, batch.truth
+    return batch.points, batch.touches.points, batch.touches.mask, batch.truth
 
 
 PATCHES = Patches.model_construct(points=5, rate=3, cover=3.0)

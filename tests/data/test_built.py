@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.data.build import build_split
 from pcsr.data.built import BuiltData
 from pcsr.data.dataset import Split
@@ -209,7 +209,9 @@ def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
     registry = load_plugins()
     plan = Plan.of(for_data("cad-parts", {}, registry, small), registry)
     assert plan.fingerprint == built.fingerprint
-    assert built.replace_data(plan.recipe, registry).data == plan.recipe.data.model_copy(update={"seed": 0})
+    with pytest.warns(PcsrWarning, match=r"uses names of pcsr 0\.1, which are still read: of touch 'digit' projection"):
+        replaced = built.replace_data(plan.recipe, registry)
+    assert replaced.data == plan.recipe.data.model_copy(update={"seed": 0})
 
 
 def test_progress_is_told_in_objects(two):

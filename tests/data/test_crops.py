@@ -33,7 +33,7 @@ def test_a_share_of_the_batches_is_cropped_and_the_others_are_as_without():
     crops, whole = cropped_and_whole(made, 200)
     assert len(crops) == pytest.approx(200 * CROPPED, abs=25)  # four standard deviations
     assert all(batch.points.shape[1] == 20 and batch.truth.shape[1] == 100 for batch in crops)
-    assert all(batch.mask.all() for batch in whole)
+    assert all(batch.touches.mask.all() for batch in whole)
     plain = Batches(ball(), 2, (0, 3), (), 0)
     for step in range(40):
         batch = made.at(step)
@@ -59,9 +59,9 @@ def test_a_crop_is_one_side_of_the_object_and_its_cloud_is_drawn_from_it(augment
 
 def test_a_cropped_batch_has_no_touches_and_the_others_have_theirs():
     crops, whole = cropped_and_whole(Batches(ball(), 2, (3, 3), ("crop", "redraw"), 0))
-    assert {tuple(batch.touches.shape) for batch in crops} == {(2, 0, 8, 3)}
-    assert {tuple(batch.mask.shape) for batch in crops} == {(2, 0)}
-    assert {tuple(batch.touches.shape) for batch in whole} == {(2, 3, 8, 3)}
+    assert {tuple(batch.touches.points.shape) for batch in crops} == {(2, 0, 8, 3)}
+    assert {tuple(batch.touches.mask.shape) for batch in crops} == {(2, 0)}
+    assert {tuple(batch.touches.points.shape) for batch in whole} == {(2, 3, 8, 3)}
 
 
 def test_a_patch_is_a_part_already_and_never_cropped():
@@ -97,5 +97,5 @@ def test_redraw_never_redraws_what_a_camera_saw_though_it_does_others():
     made = Batches(mixed, 5, (0, 0), ("redraw", "even"), 0)
     order = np.random.default_rng((0, 0)).permutation(5)
     for item, points in zip(order, made.at(0).points, strict=True):
-        as_built = UnitSphere.fit(mixed.points[item].numpy()).apply(mixed.points[item].numpy())
+        as_built = UnitSphere.fit(mixed.points[item].numpy()).normalize(mixed.points[item].numpy())
         assert np.array_equal(points.numpy(), as_built) == (item >= 2)

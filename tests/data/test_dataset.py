@@ -57,5 +57,7 @@ def test_without_touches_in_one_of_them_nobody_has_any():
 @pytest.mark.parametrize("clouds", ["truth", "points", "touches"])
 def test_clouds_of_two_sizes_are_not_joined(clouds):
     fewer = [cloud[..., :5, :] for cloud in getattr(split(2), clouds)]
-    with pytest.raises(UserError, match=rf"data cannot be joined: {clouds} of 5 and \d+ points; build all of it alike"):
+    with pytest.raises(
+        UserError, match=rf"data cannot be joined: {clouds} of 5 and \d+ points; build all with the same number"
+    ):
         Split.joined([named(2, "a"), named(2, "b", **{clouds: fewer})])

@@ -42,7 +42,7 @@ def _assert_a_neighbourhood(whole, patch):
 
 def test_some_touches_belong_to_a_patch_and_some_do_not():
     made = patched("rotate", "scale", touches=(3, 3))
-    masks = torch.cat([made.at(step).mask for step in range(30)])
+    masks = torch.cat([made.at(step).touches.mask for step in range(30)])
     assert masks.shape[1] == 3
     assert 0 < masks.float().mean() < 1
 
@@ -52,5 +52,5 @@ def test_many_patches_are_around_a_touch():
     felt = [0.01 * touch + truth[0] for touch, truth in zip(given.touches, given.truth, strict=True)]
     far = dataclasses.replace(given, touches=felt)
     made = Batches(far, 7, (1, 1), (), 0, PATCHES)
-    at_touch = [row.any() for step in range(20) for row in made.at(step).mask]
+    at_touch = [row.any() for step in range(20) for row in made.at(step).touches.mask]
     assert 0.5 < np.mean(at_touch) < 1

@@ -15,7 +15,7 @@ from pcsr.data.sample import make_sample
 from pcsr.errors import UserError
 from pcsr.experiments.evaluation import Method, bound_stream, evaluate, methods
 from pcsr.experiments.run import results_of
-from pcsr.metrics import METRICS, Metric
+from pcsr.metrics import METRICS
 from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
@@ -213,8 +213,7 @@ def test_meshes_are_loaded_for_who_needs_them_only(recipe, registry, split, monk
 
 
 def test_a_metric_that_is_not_finite_is_named(recipe, registry, split, monkeypatch):
-    broken = Metric("cd", "broken", lambda prediction, target: torch.tensor([torch.nan]))
-    monkeypatch.setitem(METRICS, "cd", broken)
+    monkeypatch.setattr(registry.get("metric", "cd"), "measure", lambda *_: torch.nan)
     with pytest.raises(
         UserError, match=r"method 'ours': values\.cd\.0: .*finite.*nan; mend the metric, or leave it out"
     ):

@@ -24,7 +24,7 @@ from pcsr.recipe.schema import Weights
 ROOT = Path(__file__).parents[2]
 TINY = [
     "data.points=64", "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
-    "train.epochs=3", "train.batch=4", "model.upsampler.start=point",
+    "train.epochs=3", "train.batch=4", "model.upsampler.start=origin",
 ]  # fmt: skip
 
 
@@ -94,7 +94,7 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
     broken = tmp_path / "broken.py"
     broken.write_text("raise RuntimeError('no')\n")
     small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
-    words = ["run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin, "--plugin", broken]
+    words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin, "--plugin", broken]
     assert "midpoint" in call(*words, *settings(*TINY[:4], *small))
     (folder,) = (tmp_path / "r").glob("smoke-*")
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
@@ -103,7 +103,7 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
 @pytest.mark.slow
 def test_two_processes_train_the_weights_of_one(tmp_path):
     small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
-    words = ["run", ROOT / "recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
+    words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
     for head, tail in (([], []), (torchrun, ["--devices", "2"])):
@@ -122,7 +122,7 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     call("data", "make", "balls", "-o", tmp_path / "data", *made, *plugin)
     before = {path: path.read_bytes() for path in (tmp_path / "data").iterdir()}
     small = settings(*TINY[1:4], "train.epochs=1", "train.batch=2", "train.touches=[0, 2]", "evaluate.metrics=[cd]")
-    run = ("run", ROOT / "recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
+    run = ("run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
     assert "midpoint" in call(*run, *small, *plugin)
     (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
     told = json.loads(results.read_text())

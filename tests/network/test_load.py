@@ -74,7 +74,7 @@ def test_weights_of_another_shape_are_named(saved):
         UserError, match=r"upsampler\.mlp\.0\.weight is \(16, 4\) in the file, \(24, 4\) in the network"
     ) as caught:
         load_weights(path, load_plugins())
-    assert f"{path} do not fit the network of their recipe: upsampler." in str(caught.value)
+    assert f"{path} do not fit this Network: upsampler." in str(caught.value)
 
 
 @pytest.mark.parametrize("damage", ["cut", "header", "empty", "text"])

@@ -99,7 +99,7 @@ def test_without_fusion_the_output_is_thinned_to_the_rate(clouds):
         nearest, index = torch.cdist(thin, all_points, compute_mode="donot_use_mm_for_euclid_dist").min(1)
         assert nearest.max() < 1e-6
         assert len(index.unique()) == RATE * N
-    judged = net.train()(points, RATE, touches[:, :2])
+    judged = net.train()(points, RATE, TouchBatch.of(touches[:, :2]))
     assert judged.shape == full.shape, "in training all is judged that was made"
 
 

@@ -15,7 +15,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 from pcsr.weights.file import read_card
 
-SMOKE = Path(__file__).parents[2] / "recipes" / "smoke.yaml"
+SMOKE = Path(__file__).parents[2] / "pcsr/recipes/smoke.yaml"
 
 
 def recipe(*overrides: str) -> Recipe:

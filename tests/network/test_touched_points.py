@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 import torch
 
+from pcsr.contracts import TouchBatch
 from pcsr.geometry.anchoring import even_subset
 from pcsr.network.network import Network
 from tests.small_network import NO_FUSION, RATE, N, network
@@ -25,7 +26,7 @@ COUNT = RATE * N
 
 def anchored(*overrides: str) -> Network:
     """One whose fusion and upsampler have learned something."""
-    net = network(*ANCHORED, *overrides)
+    net = network(*(overrides or ANCHORED))
     with torch.no_grad(), torch.random.fork_rng():
         torch.manual_seed(0)
         for weight in (net.fusion.out.weight, net.upsampler.mlp[-1].weight):
@@ -48,11 +49,11 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
     points, touches = clouds
     net = network(*overrides)
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
-    for felt in (None, touches[:, :0], touches):
+    for felt in (None, TouchBatch.of(touches[:, :0]), TouchBatch.of(touches)):
         assert net(points, RATE, felt).shape == (4, COUNT, 3)
         assert net.stages(points, RATE, felt)[-1].shape == (4, COUNT, 3)
     if net.fusion.uses_touch_features:  # a fusion that joins touches wants as many in each row
-        assert net(points, RATE, touches, mask).shape == (4, COUNT, 3)
+        assert net(points, RATE, TouchBatch.of(touches, mask)).shape == (4, COUNT, 3)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +66,7 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
 ):
     points, touches = clouds
     net = network(*overrides)
-    for felt in (None, touches):
+    for felt in (None, TouchBatch.of(touches)):
         made = net.upsampler(*net.refine(points, felt), RATE)
         every = net.candidates(points, RATE, felt)
         assert every.shape[1] > COUNT
@@ -82,21 +83,23 @@ def test_candidates_repeat_points_in_the_place_of_a_missing_touch_and_are_what_t
     points, touches = clouds
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
     net = anchored()
-    every = net.candidates(points, RATE, touches, mask)
-    assert torch.equal(net.candidates(points, RATE, touches), net.candidates(points, RATE, touches, mask | True))
+    every = net.candidates(points, RATE, TouchBatch.of(touches, mask))
+    present = net.candidates(points, RATE, TouchBatch.of(touches, mask | True))
+    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), present)
     for row, felt, there in zip(every, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
         assert torch.equal(joined[there], felt[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own
     net.train()
-    assert torch.equal(net.candidates(points, RATE, touches, mask), net(points, RATE, touches, mask))
+    given = TouchBatch.of(touches, mask)
+    assert torch.equal(net.candidates(points, RATE, given), net(points, RATE, given))
 
 
 @torch.no_grad()
 def test_of_an_upsampler_without_surplus_candidates_are_the_result(clouds):
     points, touches = clouds
     net = network()
-    assert torch.equal(net.candidates(points, RATE, touches), net(points, RATE, touches))
+    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), net(points, RATE, TouchBatch.of(touches)))
 
 
 @torch.no_grad()
@@ -122,7 +125,7 @@ def test_in_training_every_touched_point_is_there(clouds):
     points, touches = clouds
     net = anchored().train()
     mask = torch.tensor([[True, False, True]] * 4)
-    dense = net(points, RATE, touches, mask)
+    dense = net(points, RATE, TouchBatch.of(touches, mask))
     assert dense.shape == (4, COUNT + 36, 3)
     for row, felt, there in zip(dense, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
@@ -133,15 +136,15 @@ def test_in_training_every_touched_point_is_there(clouds):
 @torch.no_grad()
 def test_in_training_there_are_as_many_for_each_point_that_joined(clouds):
     points, touches = clouds
-    assert network(*NO_FUSION, *FAN).train()(points, RATE, touches).shape == (4, RATE * (N + 36), 3)
-    assert network(*INSERTED).train()(points, RATE, touches).shape == (4, RATE * (N + 36) + 36, 3)
+    assert network(*NO_FUSION, *FAN).train()(points, RATE, TouchBatch.of(touches)).shape == (4, RATE * (N + 36), 3)
+    assert network(*INSERTED).train()(points, RATE, TouchBatch.of(touches)).shape == (4, RATE * (N + 36) + 36, 3)
 
 
 @torch.no_grad()
 def test_a_touched_region_consists_of_touched_points(clouds):
     points, touches = clouds
     net = anchored()
-    dense, alone = net(points, RATE, touches), net(points, RATE)
+    dense, alone = net(points, RATE, TouchBatch.of(touches)), net(points, RATE)
     for row, felt, visual in zip(dense, touches.flatten(1, 2), alone, strict=True):
         guessed = torch.stack([point for point in row if tuple(point.tolist()) not in rows_of(felt)])
         assert len(guessed) < len(row), "no touched point is there"
@@ -154,9 +157,9 @@ def test_with_anchors_zero_touches_are_no_touches_bit_for_bit(clouds):
     points, touches = clouds
     for net in (anchored(), network(ANCHORED[0])):
         alone = net(points, RATE)
-        assert torch.equal(net(points, RATE, touches[:, :0]), alone)
-        assert torch.equal(net(points, RATE, touches, torch.zeros(4, 3, dtype=torch.bool)), alone)
-        assert not torch.equal(net(points, RATE, touches), alone)
+        assert torch.equal(net(points, RATE, TouchBatch.of(touches[:, :0])), alone)
+        assert torch.equal(net(points, RATE, TouchBatch.of(touches, torch.zeros(4, 3, dtype=torch.bool))), alone)
+        assert not torch.equal(net(points, RATE, TouchBatch.of(touches)), alone)
 
 
 @torch.no_grad()
@@ -165,11 +168,11 @@ def test_with_anchors_rows_are_independent_and_missing_touches_leave_no_trace(cl
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
     other = touches.clone()
     other[~mask] = 0.5
-    for net in (anchored(), network(ANCHORED[0])):
-        mixed = net(points, RATE, touches, mask)
-        assert torch.equal(net(points, RATE, other, mask), mixed)
+    for net in (anchored(), anchored(ANCHORED[0], "model.upsampler.start=neighbours")):
+        mixed = net(points, RATE, TouchBatch.of(touches, mask))
+        assert torch.equal(net(points, RATE, TouchBatch.of(other, mask)), mixed)
         for row, (cloud, felt, there) in enumerate(zip(points, touches, mask, strict=True)):
-            alone = net(cloud[None], RATE, felt[there][None] if there.any() else None)[0]
+            alone = net(cloud[None], RATE, TouchBatch.of(felt[there][None]) if there.any() else None)[0]
             torch.testing.assert_close(mixed[row], alone, atol=1e-5, rtol=0)
 
 
@@ -179,7 +182,8 @@ def test_with_anchors_the_order_of_points_and_touches_does_not_matter(clouds):
     random = torch.Generator().manual_seed(5)
     n, a, m = (torch.randperm(count, generator=random) for count in (N, 3, 12))
     net = anchored()
-    before, after = net(points, RATE, touches), net(points[:, n], RATE, touches[:, a][:, :, m])
+    before = net(points, RATE, TouchBatch.of(touches))
+    after = net(points[:, n], RATE, TouchBatch.of(touches[:, a][:, :, m]))
     apart = torch.cdist(before, after, compute_mode="donot_use_mm_for_euclid_dist")
     for nearest in (apart.amin(1), apart.amin(2)):  # where two are equally far, rounding decides who stays
         assert (nearest < 1e-4).float().mean() > 0.95
@@ -190,7 +194,7 @@ def test_with_anchors_gradients_reach_every_weight(clouds, training):
     points, touches = clouds
     net = anchored().train(training)
     mask = torch.tensor([[True, True, True], [False, False, False], [True, False, False], [True, True, False]])
-    (net(points, RATE, touches, mask) ** 2).sum().backward()
+    (net(points, RATE, TouchBatch.of(touches, mask)) ** 2).sum().backward()
     for name, weight in net.named_parameters():
         assert weight.grad is not None, name
         assert weight.grad.isfinite().all(), name
@@ -202,4 +206,4 @@ def test_with_anchors_gradients_reach_every_weight(clouds, training):
 def test_few_touched_points_never_leave_too_few_points(clouds):
     """A touched point takes the place of all around it: of an upsampler without surplus none may be left over."""
     points, touches = clouds
-    assert network(ANCHORED[0])(points, RATE, touches[:, :1, :2]).shape == (4, COUNT, 3)
+    assert network(ANCHORED[0])(points, RATE, TouchBatch.of(touches[:, :1, :2])).shape == (4, COUNT, 3)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DPI = 100
 USER = "a figure"
-"""What needs matplotlib, for the message where it is not installed."""
+"""Reason for the need of matplotlib, in the message if it is not installed."""
 
 
 def new_figure(width: float, height: float, **options: Any) -> "Figure":

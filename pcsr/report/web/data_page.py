@@ -54,7 +54,7 @@ def _chosen(folder: Path, manifest: Manifest, name: str | None) -> Split:
     if name is None:
         split, about = next(iter(there.items()))
         count = min(SHOWN, about.objects)
-        rows = [about.place(k * about.objects // count) for k in range(count)]
+        rows = [about.locate(k * about.objects // count) for k in range(count)]
         return Split.joined([Split.load(folder, split, [number]).chosen([row]) for number, row in rows])
     known: list[str] = []
     for split, about in there.items():

@@ -70,9 +70,9 @@
   }
 
   function element(name, className, parent) {
-    const made = document.createElement(name);
-    made.className = className;
-    return parent.appendChild(made);
+    const child = document.createElement(name);
+    child.className = className;
+    return parent.appendChild(child);
   }
 
   async function show(k) {
@@ -87,25 +87,25 @@
       element("figcaption", "", figure);
       views.push(view);
     }
-    const made = [];
+    const plots = [];
     example.views.forEach((shown, i) => {
       const view = views[i];
       view.nextSibling.textContent = shown.title;
-      made.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(shown.range ?? example.range), config));
+      plots.push(Plotly.react(view, shown.traces.map(themed), sceneLayout(shown.range ?? example.range), config));
     });
-    await Promise.all(made);
+    await Promise.all(plots);
     views.filter((view) => !view.dataset.linked).forEach((view) => {
       view.dataset.linked = "yes";
       link(view);
     });
   }
 
-  function chart(place) {
-    const { data, layout } = drawn.charts[place.dataset.chart];
+  function chart(container) {
+    const { data, layout } = drawn.charts[container.dataset.chart];
     const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line") };
     const legend = { orientation: "h", y: 1, yanchor: "bottom", x: 0 };
-    place.style.height = `${layout.height}px`;
-    Plotly.react(place, data, {
+    container.style.height = `${layout.height}px`;
+    Plotly.react(container, data, {
       margin: { l: 60, r: 10, t: 40, b: 50 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: colour("ink"), family: "system-ui, sans-serif" },

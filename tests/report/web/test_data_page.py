@@ -44,7 +44,7 @@ def test_a_few_objects_are_spread_over_the_first_split(folder, tmp_path):
 def test_one_object_is_shown_whichever_split_it_is_in(folder, tmp_path):
     names, page = shown(folder, tmp_path / "page.html", "test/000")
     assert names == ["test/000"]
-    for title in ("(a) truth, 64 points", "(b) 16 points and 2 touches, ", "(c) the first touch, "):
+    for title in ("(a) truth, 64 points", "(b) 16 points, 2 touches, ", "(c) the first touch, "):
         assert title in page
 
 
