@@ -80,7 +80,7 @@ def test_each_finger_may_be_a_touch(tmp_path):
     recording = say(tmp_path, per="finger")
     assert recording.names == ["0/0", "0/2"]
     assert [len(touch.points) for touch in recording.touches] == [5, 7]
-    assert recording.skipped == dict.fromkeys(["0/1", "0/3"], "this finger felt nothing")
+    assert recording.skipped == dict.fromkeys(["0/1", "0/3"], "this finger has no contact")
 
 
 def test_grasps_come_in_the_order_of_their_numbers(tmp_path):
@@ -89,7 +89,7 @@ def test_grasps_come_in_the_order_of_their_numbers(tmp_path):
     save(tmp_path, "first", grasp(touch_success=[False] * 4))
     recording = say(tmp_path)
     assert recording.names == ["0", "2", "10"]
-    assert recording.skipped == {"first": "none of its 4 fingers felt anything"}
+    assert recording.skipped == {"first": "none of its 4 fingers has any contact"}
 
 
 def test_a_hostile_file_is_left_out_and_not_run(tmp_path):

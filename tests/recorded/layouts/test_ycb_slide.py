@@ -153,7 +153,7 @@ def test_contact_is_counted_from_the_background(real):
         ({"kind": "real"}, "a real slide holds camera images, of which pcsr makes no geometry"),
         ({"kind": "real", "heights": "h"}, "give one of masks and contact_above"),
         ({"kind": "real", "heights": "h", "masks": "m", "contact_above": 1}, "give one of masks and contact_above"),
-        ({"kind": "real", "heights": "h", "masks": "m", "background": "b"}, "background serves contact_above"),
+        ({"kind": "real", "heights": "h", "masks": "m", "background": "b"}, "background is used with contact_above only"),
         ({"alignment": "a"}, "a simulated slide has its own heights and masks: leave out alignment"),
         ({"heights": "h"}, "a simulated slide has its own heights and masks: leave out heights"),
         ({"kind": "virtual"}, "layout.kind: it must be 'simulated' or 'real', got 'virtual'"),
