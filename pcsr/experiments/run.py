@@ -59,7 +59,7 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
     Args:
         recipe: recipe to run.
         registry: installed parts.
-        place: device, processes and folders.
+        options: device, processes and folders.
         console: console for messages and progress.
 
     Returns:

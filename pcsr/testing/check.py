@@ -23,7 +23,7 @@ class Outcome:
 
     check: str
     result: Literal["passed", "failed", "skipped"]
-    said: str = ""
+    reason: str = ""
     """The reason, if it did not pass."""
 
 

@@ -98,7 +98,7 @@ def test_a_recording_that_was_not_finished_has_no_manifest_and_can_be_written_ag
         ([one_touch(finger=np.array([0, 1]))], "of 2 fingers and 1 poses"),
         ([one_touch(contact_area=float("nan"))], "its contact area is nan"),
         ([one_touch(poses=2 * np.eye(4)[None])], "touch 0: pose 0: its last row"),
-        ([one_touch(unit=5.0)], "touch 0: pose 0 scales by 1, .* by 0.2"),
+        ([one_touch(unit=5.0)], "touch 0: pose 0 scales by 1, .* require 0.2"),
     ],
 )
 def test_touches_that_could_not_be_read_again_are_not_written(tmp_path, touches, expected):
