@@ -68,7 +68,7 @@ _OPTIONS = (
 
 
 def run_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Add the options of `RunOptions` (`pcsr.experiments.run_options`) to a command, and pass their values as `where`."""
+    """Add the options `RUN_OPTIONS` to a command, and pass it their values as `where`."""
 
     @functools.wraps(command)
     def with_options(*args: object, **kwargs: Any) -> Result:

@@ -70,7 +70,7 @@ def upsample(
     plugins: tuple[Path, ...],
     quiet: bool,
 ) -> None:
-    """Upsample a cloud and write the dense cloud.
+    """Make a cloud dense and write it.
 
     Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
     The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS or LAZ; OBJ, STL, GLB and OFF can be read too.

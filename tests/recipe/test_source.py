@@ -60,12 +60,12 @@ def test_aliases_and_merge_keys_are_plain_data():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a: [1, 2\nb: 3", "file:2:2: expected ',' or ']', but got ':': mend the YAML there"),
-        ("a: 'open", "file:1:9: found unexpected end of stream: mend the YAML there"),
-        ("\ta: 1", "file:1:1: found character '\\t' that cannot start any token: mend the YAML there"),
+        ("a: [1, 2\nb: 3", "file:2:2: expected ',' or ']', but got ':': correct the YAML there"),
+        ("a: 'open", "file:1:9: found unexpected end of stream: correct the YAML there"),
+        ("\ta: 1", "file:1:1: found character '\\t' that cannot start any token: correct the YAML there"),
         ("- a\n- b", "file:1:1: a recipe is a mapping: it starts with `name: …`"),
         ("", "file:1:1: a recipe is a mapping: it starts with `name: …`"),
-        ("a: 1\n---\nb: 2", "file:2:1: but found another document: mend the YAML there"),
+        ("a: 1\n---\nb: 2", "file:2:1: but found another document: correct the YAML there"),
         ("a: \x07", "file: not YAML: "),
         ("a: " + 400 * "[", "file"),
     ],
