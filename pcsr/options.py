@@ -9,17 +9,14 @@ from pydantic_core import CoreSchema
 class Options(BaseModel):
     """Base class of a group of options. Subclasses define a typed field with a default for each option.
 
-    A part takes a group as a parameter of its constructor. Instances are immutable: a list in a recipe becomes a tuple.
+    A part takes a group as a parameter of its constructor, such as `noise: Noise = Noise()`. Instances are
+    immutable: a list in a recipe becomes a tuple.
 
     Examples:
         >>> class Noise(pcsr.Options):
         ...     blur: float = 0.0
-        ...     depth: float = 0.1
-        >>> class Gel:
-        ...     def __init__(self, *, noise: Noise = Noise()) -> None:
-        ...         self.noise = noise
-        >>> Gel(noise=Noise(blur=0.5)).noise
-        Noise(blur=0.5, depth=0.1)
+        >>> Noise(blur=0.1).blur
+        0.1
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, protected_namespaces=())
@@ -31,7 +28,14 @@ class Options(BaseModel):
 
 
 class Choice(Options):
-    """Base class of a choice between variants, named by `use`, with options. A bare name stands for `{use: name}`."""
+    """Base class of a choice between variants, named by `use`, with options. A bare name stands for `{use: name}`.
+
+    Examples:
+        >>> class Policy(pcsr.Choice):
+        ...     spacing: float = 20.0
+        >>> Policy.model_validate("uniform").use
+        'uniform'
+    """
 
     use: str
 

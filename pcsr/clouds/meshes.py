@@ -29,6 +29,12 @@ def read_mesh(path: str | Path) -> "Trimesh":
     Raises:
         UserError: the file cannot be read or is too large, the mesh has no faces, or a face refers to a vertex that
             does not exist.
+
+    Examples:
+        >>> import trimesh
+        >>> _ = trimesh.creation.box().export("box.stl")
+        >>> len(pcsr.read_mesh("box.stl").faces)
+        12
     """
     path = Path(path)
     suffix = path.suffix.lower()

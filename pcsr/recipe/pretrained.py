@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pcsr import weights
 from pcsr.contracts import Trait
 from pcsr.errors import UserError
 from pcsr.files import identity, sha256
@@ -16,6 +15,7 @@ from pcsr.recipe.merge import merge
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
+from pcsr.weights import names
 from pcsr.weights.file import read_card
 from pcsr.weights.find import find
 
@@ -107,7 +107,7 @@ def _named(written: Any, location: Location, registry: Registry) -> tuple[Weight
     named = written if isinstance(written, dict) else {"use": written}
     use = named.get("use")
     if not isinstance(use, str) or not use:
-        known = ", ".join(weights.names())
+        known = ", ".join(names())
         raise UserError(f"weights must be shipped weights ({known}) or a file, got {json.dumps(written, default=str)}")
     # A path in a file is relative to that file; a path on the command line, to the current folder.
     path = find(use, Path(location.origin).parent if location.line else Path())
@@ -117,7 +117,7 @@ def _named(written: Any, location: Location, registry: Registry) -> tuple[Weight
             f"the weights {path} have the hash {weights_file.sha256[:12]}…, but weights.sha256 is "
             f"{str(named['sha256'])[:12]}…: get the file with this hash, or remove weights.sha256"
         )
-    return weights_file, {**named, "use": use if use in weights.names() else str(path), "sha256": weights_file.sha256}
+    return weights_file, {**named, "use": use if use in names() else str(path), "sha256": weights_file.sha256}
 
 
 def check_weights(recipe: Recipe, registry: Registry) -> WeightsFile | None:

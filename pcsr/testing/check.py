@@ -10,26 +10,52 @@ from pcsr.threads import threads
 
 
 class CheckFailed(AssertionError):  # noqa: N818 it is an outcome, as Skipped is
-    """A part breaks its contract. The message names the part, what was found, what is expected, and the remedy."""
+    """A part breaks its contract. The message names the part, what was found, what is expected, and the remedy.
+
+    Examples:
+        >>> issubclass(pcsr.testing.CheckFailed, AssertionError)
+        True
+    """
 
 
 class Skipped(SkipTest):
-    """A check does not apply to a part; the message says why. pytest reports it as skipped."""
+    """A check does not apply to a part; the message says why. pytest reports it as skipped.
+
+    Examples:
+        >>> import unittest
+        >>> issubclass(pcsr.testing.Skipped, unittest.SkipTest)
+        True
+    """
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a check."""
+    """The outcome of a check.
+
+    Examples:
+        >>> pcsr.testing.Check("nothing", lambda: None).outcome()
+        Outcome(check='nothing', result='passed', message='')
+    """
 
     check: str
     result: Literal["passed", "failed", "skipped"]
-    reason: str = ""
-    """The reason, if it did not pass."""
+    message: str = ""
+    """The reason, if the check did not pass."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A named check of one part. Calling it raises an error unless the part passes."""
+    """A named check of one part. Calling it raises an error unless the part passes.
+
+    Examples:
+        >>> def positive():
+        ...     if not 1 > 0:
+        ...         raise pcsr.testing.CheckFailed("expected a positive number")
+        >>> check = pcsr.testing.Check("positive", positive)
+        >>> check()
+        >>> check.outcome().result
+        'passed'
+    """
 
     name: str
     run: Callable[[], None]

@@ -9,8 +9,6 @@ from click.testing import CliRunner
 from pcsr.cli import pcsr
 from pcsr.plugins.registry import KINDS
 
-VERSION = version("pcsr")
-
 
 def invoke(*arguments):
     return CliRunner(env={"COLUMNS": "200"}).invoke(pcsr, ["plugins", *map(str, arguments)])
@@ -36,7 +34,7 @@ def test_it_lists_every_part_with_owner_version_and_traits():
     result = invoke()
     assert result.exit_code == 0
     table = rows(result.output)
-    assert ["encoder", "mlp", "pcsr", VERSION, "permutation-equivariant"] in table
+    assert ["encoder", "mlp", "pcsr", version("pcsr"), "permutation-equivariant"] in table
     assert [kind for kind in KINDS if kind in {row[0] for row in table}] == list(KINDS)
 
 
@@ -52,7 +50,7 @@ def test_a_part_that_does_not_load_shows_its_error_in_its_row(plugin):
     assert "fusion 'lost' of bad.py cannot be loaded from 'no_such:X': ModuleNotFoundError" in text
     assert "fusion 'red' of bad.py cannot be loaded from 'pcsr:[bold]': AttributeError" in text
     assert ["fusion", "lost", "bad.py", "file"] in [row[:4] for row in rows(result.output)]
-    assert ["fusion", "iterative", "pcsr", VERSION] in [row[:4] for row in rows(result.output)]
+    assert ["fusion", "iterative", "pcsr", version("pcsr")] in [row[:4] for row in rows(result.output)]
 
 
 def test_a_plugin_that_failed_is_named_beneath_the_table(plugin):

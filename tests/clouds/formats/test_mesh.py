@@ -60,7 +60,7 @@ def test_points_are_written_as_an_obj(tmp_path):
 @pytest.mark.parametrize("names", [["label"], ["nx", "ny"], ["red"], ["red", "green", "blue", "label"]])
 def test_an_obj_holds_no_other_columns(names):
     columns = {name: np.zeros(1) for name in names}
-    with pytest.raises(UserError, match=r"no columns (label|else): write a \.ply"):
+    with pytest.raises(UserError, match=r"not the columns (label|of this cloud): write a \.ply"):
         cloud_bytes(Cloud(np.zeros((1, 3)), columns), ".obj")
 
 
