@@ -177,7 +177,7 @@ class _Plain:
         """
         self.count()
         if node in around:
-            return self.wrong(keys, "an alias inside of what it stands for: write it out")
+            return self.wrong(keys, "an alias that contains itself: write it out")
         if len(around) > DEEPEST:
             raise RecipeError([Mistake(self.source.location(keys), TOO_DEEP)])
         kind = _kind(node)
@@ -206,7 +206,7 @@ class _Plain:
         """
         self.values += 1
         if self.values > MOST_VALUES:
-            text = f"more than {MOST_VALUES} values, those that aliases repeat included: no recipe needs so many"
+            text = f"more than {MOST_VALUES} values, including those that aliases repeat: shorten it"
             raise RecipeError([Mistake(Location(self.origin), text)])
 
     def pairs(
@@ -233,7 +233,7 @@ class _Plain:
             if not isinstance(one, MappingNode):
                 self.wrong(keys, "`<<` merges mappings in: write an alias of one behind it")
             elif one in (node, *around):
-                self.wrong(keys, "`<<` merges in what it stands in itself: write it out")
+                self.wrong(keys, "`<<` merges a mapping into itself: write it out")
             else:
                 self.count()
                 for key, value, _ in self.pairs(one, keys, (*around, node)):

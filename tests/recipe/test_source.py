@@ -110,8 +110,8 @@ def test_what_is_not_plain_data_is_collected():
     [
         ("a: {<<: null}", "file:1:4: `<<` merges mappings in"),
         ("a: {<<: [1, 2]}", "file:1:4: `<<` merges mappings in"),
-        ("a: &a {<<: *a}", "file:1:4: `<<` merges in what it stands in itself"),
-        ("a: &a {b: {<<: *a}}", "file:1:11: `<<` merges in what it stands in itself"),
+        ("a: &a {<<: *a}", "file:1:4: `<<` merges a mapping into itself"),
+        ("a: &a {b: {<<: *a}}", "file:1:11: `<<` merges a mapping into itself"),
         ("? [a, b]\n: 1", "file:1:1: a key is a name"),
         ("a: !!binary aGk=", "file:1:4: recipes are plain data: remove the tag !!binary"),
         ("a: !!set {b, c}", "file:1:4: recipes are plain data: remove the tag !!set"),
