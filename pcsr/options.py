@@ -1,4 +1,4 @@
-"""Groups of options inside of a part's options: mappings in a recipe, frozen records in Python."""
+"""Groups of a part's options: mappings in a recipe, immutable models in Python."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ from pydantic_core import CoreSchema
 
 
 class Options(BaseModel):
-    """A mapping of options. Derive from it, with a typed and defaulted field for each option.
+    """Base class of a group of options. Subclasses define a typed field with a default for each option.
 
-    A part takes it as a parameter of its constructor, `noise: Noise = Noise()` for example. Instances are immutable: a
-    list in a recipe is a tuple here.
+    A part takes a group as a parameter of its constructor, such as `noise: Noise = Noise()`. Instances are
+    immutable: a list in a recipe becomes a tuple.
 
     Examples:
         >>> class Noise(pcsr.Options):
@@ -28,7 +28,7 @@ class Options(BaseModel):
 
 
 class Choice(Options):
-    """One of several variants, named by `use`, and its options. A bare name is short for `{use: name}`.
+    """Base class of a choice between variants, named by `use`, with options. A bare name stands for `{use: name}`.
 
     Examples:
         >>> class Policy(pcsr.Choice):
@@ -46,6 +46,6 @@ class Choice(Options):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """A schema for the bare name and the mapping."""
+        """Return a schema that accepts the bare name or the mapping."""
         mapping = handler.resolve_ref_schema(handler(core))
         return {"anyOf": [mapping["properties"]["use"], dict(mapping)]}

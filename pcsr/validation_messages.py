@@ -46,13 +46,13 @@ def shown_path(path: Path) -> str:
 
 
 def described(errors: Sequence[Mapping[str, Any]], path: str, owner: str, known: Iterable[str]) -> str:
-    """What is wrong at one place of plain data: "encoder 'net' takes no 'ordr': did you mean 'order'?".
+    """Return the message for one location of plain data: "encoder 'net' takes no 'ordr': did you mean 'order'?".
 
     Args:
-        errors: of `pydantic.ValidationError.errors()`, all about that place.
-        path: the place: "model.encoder".
-        owner: whose key it is, in words.
-        known: the keys that the owner takes.
+        errors: items of `pydantic.ValidationError.errors()`, all about this location.
+        path: dotted keys of the location, such as "model.encoder".
+        owner: name of the section or part that has the key, for messages.
+        known: keys that the owner allows.
     """
     kind = errors[0]["type"]
     if kind == "extra_forbidden":
@@ -76,9 +76,10 @@ def explained(errors: Sequence[Mapping[str, Any]]) -> str:
     if wanted:
         message.insert(0, MUST + " or ".join(wanted))
     value = errors[0]["input"]
-    # An error of a validator names what is wrong in a section, so that showing the whole section adds nothing.
-    got = "" if isinstance(value, Mapping) and not wanted else f", got {shown(value)}"
-    return f"{'; '.join(message)}{got}"
+    # Messages of validators describe the mistake themselves: a whole section, or a value in them, is not repeated.
+    text = "; ".join(message)
+    named = not wanted and (isinstance(value, Mapping) or repr(value) in text)
+    return text if named else f"{text}, got {shown(value)}"
 
 
 MUST = "it must be "

@@ -1,4 +1,4 @@
-"""What `pcsr run` and `pcsr compare` share: where to compute, and one run after another to the tables."""
+"""Shared by `pcsr run` and `pcsr compare`: their options, and the runs of several recipes with their tables."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -17,18 +17,20 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
-"""The fields of `pcsr.experiments.run_options.RunOptions`, each an option."""
+"""Fields of `pcsr.experiments.run_options.RunOptions`, each of which is an option of the command line."""
 WIDTH = 140
-"""Columns of a table that goes into a file or a pipe."""
+"""Width of a table that is written to a file or a pipe, in characters."""
 
 _OPTIONS = (
-    click.option("--runs", type=OUTPUT_FOLDER, default=Path("runs"), show_default=True, help="Where run folders go."),
+    click.option(
+        "--runs", type=OUTPUT_FOLDER, default=Path("runs"), show_default=True, help="Folder of the run folders."
+    ),
     click.option(
         "--device",
         type=click.Choice(["auto", "cpu", "cuda"]),
         default="auto",
         show_default=True,
-        help="Where to compute; auto is cuda where there is one.",
+        help="Device; auto is cuda if there is one.",
     ),
     click.option(
         "--devices",
@@ -42,31 +44,31 @@ _OPTIONS = (
         type=click.IntRange(1, 4096),
         default=1,
         show_default=True,
-        help="Machines, as torchrun or SLURM started them.",
+        help="Number of machines, started by torchrun or SLURM.",
     ),
     jobs_option("Processes for data, metrics and a GPU's batches.  [default: all cores]"),
     click.option(
         "--data",
         type=FILE,
         multiple=True,
-        help="Use the data in this folder, which `pcsr data make` built, instead of the recipe's own. "
+        help="Use this data folder, built by `pcsr data make`, instead of the recipe's data. "
         "May be repeated: the folders are joined.",
     ),
     click.option(
         "--keep-weights",
         is_flag=True,
-        help="Measure the weights that were trained before the code of a plugin changed, instead of training again.",
+        help="Evaluate weights that were trained before the code of a plugin changed, instead of training again.",
     ),
     click.option(
         "--retrain",
         is_flag=True,
-        help="Train anew, even where finished weights are. They are replaced when the new ones are finished.",
+        help="Train even if finished weights exist. They are replaced when training is finished.",
     ),
 )
 
 
 def run_options(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Give a command the options of `pcsr.experiments.run_options.RunOptions`, and hand it their values as `where`."""
+    """Add the options `RUN_OPTIONS` to a command, and pass it their values as `where`."""
 
     @functools.wraps(command)
     def with_options(*args: object, **kwargs: Any) -> Result:
@@ -78,13 +80,17 @@ def run_options(command: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, Any], name: str) -> None:
-    """Run recipes one after another; of several, end in their common tables, on the screen and as a page.
+    """Run recipes one after another. Tables of several runs are printed and written to a page at the end.
 
     Args:
-        recipes: at least one.
-        registry: gives their parts.
-        where: as `run_options` hands it over.
-        name: of the study, and of its page.
+        recipes: recipes, at least one.
+        registry: installed parts.
+        where: values of the options, as `run_options` passes them.
+        name: name of the study and of its page.
+
+    Raises:
+        UserError: options contradict each other, two runs would share a folder, or a recipe cannot be run.
+        RunError: training fails, or a file cannot be written.
     """
     import torch
     from rich.console import Console
@@ -103,26 +109,26 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
     if options.data:
         built = BuiltData.read(options.data)
         recipes = [built.replace_data(one, registry) for one in recipes]
-        where_from = " and ".join(map(str, options.data))
-        said = f"all but the number of touches is as {where_from} says, whatever the recipe's section data does"
-        for line in (said, *built.missing()):
+        folders_text = " and ".join(map(str, options.data))
+        note = f"{folders_text} replaces the recipe's section data, except for the number of touches"
+        for line in (note, *built.missing()):
             console.print(f"data: {line}", markup=False, soft_wrap=True)
     require({name: user for one in recipes for name, user in packages(one, registry, options).items()})
     for one in recipes:
-        check_weights(one, registry)  # of all of them, before the first runs
+        check_weights(one, registry)  # all weights are checked before the first run
     folders: dict[Path, str] = {}
     for one in recipes:
         folder = run_folder(one, options)
         if folder in folders:
             raise UserError(
-                f"two of the runs are '{one.name}' and would be kept in one folder, {folder}, the second in the "
-                f"place of the first: give one of them a `name:` of its own"
+                f"two of the runs are '{one.name}' and would be kept in the same folder, {folder}: give one of "
+                f"them another `name:`"
             )
         folders[folder] = one.name
     finished = []
     for one in recipes:
         done = run(one, registry, options, console)
-        if done is not None:  # None in all processes but the first
+        if done is not None:  # None in all processes except the first
             finished.append(done)
             console.print(report.table(done.results))
             console.print(f"report: {done.folder / report.REPORT}", soft_wrap=True, markup=False)
@@ -131,7 +137,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         for one_table in report.compare([done.results for done in finished], name):
             wide.print(one_table)
         page = report.write_comparison(finished, name, options.runs)
-        console.print(f"all of them: {page}", soft_wrap=True, markup=False)
+        console.print(f"all runs: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():
-        # Left to the end of the process, its threads may still run then, and it would abort.
+        # If its threads still ran at the end of the process, the process would abort.
         torch.distributed.destroy_process_group()

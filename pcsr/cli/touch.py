@@ -26,7 +26,10 @@ def _complete_option(option: str) -> "Callable[[click.Context, click.Parameter, 
         from pcsr.recipe.schema import options_model
 
         model = options_model(load_plugins().get("touch", context.params.get("source") or "digit"))
-        allowed = model.model_json_schema()["properties"].get(option, {}).get("enum", [])
+        schema = model.model_json_schema()
+        found = schema["properties"].get(option, {})
+        found = schema.get("$defs", {}).get(found.get("$ref", "").rpartition("/")[2], found)
+        allowed = found.get("anyOf", [found])[0].get("enum", [])  # a group's first form is its bare name
         return [value for value in allowed if value.startswith(incomplete)]
 
     return complete

@@ -9,38 +9,39 @@ import click
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, jobs_option
 from pcsr.errors import PcsrWarning, UserError
+from pcsr.validation_messages import shown
 
 PIPE = Path("-")
 
 
 @click.command()
 @click.argument("cloud", type=FILE, metavar="IN")
-@click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="The dense cloud; - for a pipe.")
-@click.option("--rate", type=float, default=None, help="Points that come out for each, 1.1 to 64.  [default: 4]")
+@click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="File of the dense cloud; - for a pipe.")
+@click.option("--rate", type=float, default=None, help="Output points per input point, 1.1 to 64.  [default: 4]")
 @click.option(
-    "--points", "count", type=click.IntRange(1), default=None, help="Points that come out, instead of a rate."
+    "--points", "count", type=click.IntRange(1), default=None, help="Number of output points, instead of a rate."
 )
-@click.option("--touch", type=FILE, default=None, metavar="DIR", help="A folder with recorded touches.")
+@click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
     "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
 )
-@click.option("--replace", is_flag=True, help="Leave the old points out; all that come out are new.")
+@click.option("--replace", is_flag=True, help="Write new points only, without the input points.")
 @click.option(
     "--bad",
     type=click.Choice(["refuse", "drop"]),
     default="refuse",
     show_default=True,
-    help="What to do with points that are not finite.",
+    help="Refuse a cloud with points that are not finite, or drop these points.",
 )
 @click.option(
     "--format",
     "suffix",
     default="ply",
     show_default=True,
-    help="What goes through a pipe, or into or out of a file without a suffix: ply, xyz, npy …",
+    help="Format of pipes and of files without a suffix: ply, xyz, npy …",
 )
-@click.option("--device", default="auto", show_default=True, help="Where to compute: auto, cpu, cuda, cuda:1.")
+@click.option("--device", default="auto", show_default=True, help="Device: auto, cpu, cuda, cuda:1.")
 @jobs_option("Processes.  [default: all cores from 20,000 points on]")
 @click.option("--scheduler", metavar="ADDRESS", default=None, help="Use the workers of this Dask scheduler instead.")
 @click.option(
@@ -49,9 +50,9 @@ PIPE = Path("-")
     multiple=True,
     type=PLUGIN,
     metavar="FILE",
-    help="Parts that the weights need. May be repeated.",
+    help="Load parts that the weights need from this Python file. May be repeated.",
 )
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print errors only.")
 def upsample(
     cloud: Path,
     out: Path,
@@ -71,9 +72,8 @@ def upsample(
 ) -> None:
     """Make a cloud dense and write it.
 
-    Frame and unit stay. The old points are kept, and what they have besides coordinates, such as colours, the new
-    ones get from their neighbours. Formats go by suffix: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS and LAZ; OBJ, STL, GLB
-    and OFF are read too.
+    Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
+    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS or LAZ; OBJ, STL, GLB and OFF can be read too.
     """
     import time
     import warnings
@@ -95,25 +95,29 @@ def upsample(
     if out == PIPE:
         streams.open_output()
     given = (
-        read_cloud_pipe(streams.open_input(), kind, "what came through the pipe", bad=bad)
+        read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad=bad)
         if cloud == PIPE
         else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad)
     )
     if given.about.get("dropped"):
-        console.print(f"{given.about['dropped']} points were not finite and are left out", style="yellow")
+        console.print(f"{given.about['dropped']} points are not finite and were dropped", style="yellow")
     touches, recorded = [], 0
     if touch is not None:
         from pcsr.recorded import read
 
         recording = read(touch)
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
-        for name, reason in recording.skipped.items():  # also to who wants to hear of errors alone
-            click.echo(f"touch {name} is left out: {reason}", err=True)
-    from pcsr.model import load  # and torch with it: a mistake in a file is reported before it is imported
+        for name, reason in recording.skipped.items():  # also with --quiet
+            click.echo(f"touch {name} is skipped: {reason}", err=True)
+    from pcsr.model import load  # imports torch, so mistakes in files are reported first
 
     with warnings.catch_warnings(record=True) as warned, progress_bars(console, hidden=quiet) as progress:
         warnings.simplefilter("always", PcsrWarning)
-        loaded = load(model, plugins=plugins, device=_device(device))
+        device_name = _device(device)
+        try:
+            loaded = load(model, plugins=plugins, device=device_name)
+        except UserError as error:
+            raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
         task = progress.add_task("upsampling", total=len(given.points))
         dense = loaded.upsample(
             given,
@@ -146,8 +150,6 @@ def upsample(
 def _device(name: str) -> str:
     import torch
 
-    from pcsr.validation_messages import shown
-
     found = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if name == "auto":
         return "cuda" if found else "cpu"
@@ -161,7 +163,7 @@ def _device(name: str) -> str:
 
 
 def _jobs(count: int, device: str) -> int:
-    """As many processes as cores, where there is so much to do that starting them pays."""
+    """Return the default number of processes: all cores for large clouds on the CPU, otherwise 1."""
     import os
 
     from pcsr.workers import MOST_JOBS

@@ -1,4 +1,4 @@
-"""One cloud: its points, what is known of each of them, and what its file was like."""
+"""Point cloud with columns such as colours, and with the properties of its file."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,24 +12,24 @@ from pcsr.errors import UserError
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points with any number of columns beside them."""
+    """Points of a cloud, with any number of further columns."""
 
     points: Float64[np.ndarray, "n 3"]
-    """In the file's own frame and unit."""
+    """Coordinates, in the frame and unit of the file."""
     columns: dict[str, np.ndarray] = field(default_factory=dict)
-    """What is known of each point: name to (n,) or (n, k) of numbers or truth values, in the file's order."""
+    """Columns by name, in the order of the file: numbers or booleans of shape (n,) or (n, k)."""
     about: dict[str, Any] = field(default_factory=dict)
-    """What a format needs to write the same kind of file again, under the format's name.
+    """Properties that a format needs to write the same kind of file again, by the format's name.
 
-    `dropped` is the number of rows that were left out on reading, `left out` names what could not be kept.
+    `dropped` is the number of rows that were dropped on reading. `left out` names the data that could not be kept.
     """
 
     def __post_init__(self) -> None:
         if self.points.dtype != np.float64 or self.points.ndim != 2 or self.points.shape[1] != 3:
-            raise UserError(f"points are doubles of shape (n, 3), not {self.points.dtype} {self.points.shape}")
+            raise UserError(f"points must be doubles of shape (n, 3), got {self.points.dtype} {self.points.shape}")
         for name, column in self.columns.items():
             if name in ("x", "y", "z"):
-                raise UserError(f"no column of a cloud is called '{name}': that is a coordinate")
+                raise UserError(f"a column of a cloud is called '{name}', the name of a coordinate: rename it")
             if column.ndim not in (1, 2) or len(column) != len(self.points) or column.dtype.kind not in "biuf":
                 raise UserError(
                     f"column '{name}' holds {column.dtype} {column.shape}: it needs {len(self.points)} rows of numbers"
@@ -39,15 +39,20 @@ class Cloud:
         return len(self.points)
 
     def chosen(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "Cloud":
-        """The rows with these indices, in their order, or those where a mask is True."""
+        """Return the cloud of the rows with these indices, in their order, or of those where a mask is True."""
         return Cloud(self.points[rows], {name: column[rows] for name, column in self.columns.items()}, self.about)
 
     def with_new(self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True) -> "Cloud":
-        """A cloud of new points, their columns carried over; the old points come before them unless not kept."""
+        """Return a cloud with new points, whose columns are interpolated from the old points.
+
+        Args:
+            points: new points.
+            keep: put the old points before the new ones; otherwise they are dropped.
+        """
         if any(about.get("coordinates") in ("float", "f4") for about in self.about.values() if isinstance(about, dict)):
             with np.errstate(over="ignore"):
                 single = points.astype(np.float32).astype(np.float64)
-            # As exact as the old ones, and the file stays single; text may have called doubles so.
+            # Single precision, as in the file, unless a text file declares doubles as single.
             points = single if np.isfinite(single).all() else points
         columns = carry(self.columns, self.points, points)
         if keep:

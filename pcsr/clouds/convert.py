@@ -1,4 +1,4 @@
-"""Clouds as other libraries hold them: numpy, torch, trimesh and Open3D, there and back."""
+"""Conversion of the clouds of numpy, torch, trimesh and Open3D to `Cloud` and back."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,31 +12,31 @@ from pcsr.errors import UserError
 from pcsr.limits import check_memory
 
 MEMORY = 100
-"""Bytes of memory that each point of a cloud needs at least."""
+"""Least memory that each point of a cloud needs, in bytes."""
 
 
 @dataclass(frozen=True)
 class CloudAdapter:
-    """A cloud of any library's kind as a `Cloud`, and the way back."""
+    """Cloud converted from another library, with the function that converts back."""
 
     cloud: Cloud
-    """Its points, colours and normals."""
+    """Converted cloud, with colours and normals."""
     restore: Callable[[Cloud], Any]
-    """Makes a cloud of the kind that came in."""
+    """Function that converts a cloud to the original type."""
 
 
 def convert(cloud: Any) -> CloudAdapter:
-    """A cloud of any known kind as a `Cloud`.
+    """Convert a cloud of any supported type to a `Cloud`.
 
     Raises:
-        UserError: it is of no known kind, or not of shape (n, 3).
+        UserError: the type is not supported, the shape is not (n, 3), or the cloud does not fit into memory.
     """
     if isinstance(cloud, Cloud):
         return CloudAdapter(cloud, lambda dense: dense)
     module = type(cloud).__module__.partition(".")[0]
     if module == "torch":
         return _torch(cloud)
-    if module == "trimesh" and not isinstance(cloud, np.ndarray):  # its vertices are an array of its own kind
+    if module == "trimesh" and not isinstance(cloud, np.ndarray):  # not for its vertices, a subclass of arrays
         return _trimesh(cloud)
     if module == "open3d":
         return _open3d(cloud)
@@ -55,10 +55,10 @@ def convert(cloud: Any) -> CloudAdapter:
 
 
 def _check(shape: tuple[int, ...], real: bool, kind: object) -> None:
-    """Refuse what is no cloud by its shape and type, before it is converted.
+    """Check the shape and type of a cloud before it is converted.
 
     Raises:
-        UserError: another shape, other numbers than real ones, or more than fit into memory.
+        UserError: the shape is not (n, 3), the numbers are not real, or the cloud does not fit into memory.
     """
     if len(shape) != 2 or shape[1] != 3:
         hint = ": transpose it" if len(shape) == 2 and shape[0] == 3 else ": one row for each point"
@@ -71,7 +71,7 @@ def _check(shape: tuple[int, ...], real: bool, kind: object) -> None:
 
 def _doubles(array: np.ndarray) -> Float[np.ndarray, "n 3"]:
     _check(array.shape, array.dtype.kind in "iuf", array.dtype)
-    with np.errstate(over="ignore"):  # what no double holds is infinite, and that is refused
+    with np.errstate(over="ignore"):  # numbers beyond doubles become infinite and are refused later
         return array.astype(np.float64)
 
 
@@ -110,9 +110,9 @@ def _open3d(cloud: Any) -> CloudAdapter:
     def restore(dense: Cloud) -> Any:
         import open3d
 
-        made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(dense.points))
+        dense_cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(dense.points))
         for name, column in dense.columns.items():
-            setattr(made, name, open3d.utility.Vector3dVector(column))
-        return made
+            setattr(dense_cloud, name, open3d.utility.Vector3dVector(column))
+        return dense_cloud
 
     return CloudAdapter(Cloud(_doubles(np.asarray(cloud.points)), columns), restore)

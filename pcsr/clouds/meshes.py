@@ -1,4 +1,4 @@
-"""The reader of mesh files: triangles in the file's own frame and unit."""
+"""Reader of mesh files."""
 
 import textwrap
 from pathlib import Path
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
 
 def read_mesh(path: str | Path) -> "Trimesh":
-    """The triangles of a mesh file; the meshes of a scene are joined into one.
+    """Read a mesh from a file. The meshes of a scene are joined into one.
 
-    Vertices and faces are as they are in the file: nothing is merged or dropped, and colours and textures are left out.
+    Vertices and faces are those of the file: none are merged or dropped. Colours and textures are not read.
 
     Args:
-        path: a `.ply`, `.obj`, `.stl`, `.off` or `.glb` file.
+        path: path of a `.ply`, `.obj`, `.stl`, `.off` or `.glb` file.
 
     Returns:
-        A mesh in the file's own frame and unit.
+        The mesh, in the frame and unit of the file.
 
     Raises:
-        UserError: it cannot be read, is larger than its kind needs to be, has no faces, or a face names a vertex that
-            is not there.
+        UserError: the file cannot be read or is too large, the mesh has no faces, or a face refers to a vertex that
+            does not exist.
 
     Examples:
         >>> import trimesh
@@ -42,13 +42,13 @@ def read_mesh(path: str | Path) -> "Trimesh":
         raise UserError(f"{path}: no mesh format '{suffix}': {', '.join(MESHES)} are known")
     data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
     try:
-        with np.errstate(all="ignore"):  # trimesh's arithmetic; who measures looks for vertices that are not finite
+        with np.errstate(all="ignore"):  # of trimesh; vertices that are not finite are found when they are used
             mesh = _joined(load_scene(data, suffix[1:]))
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
     except IndexError as error:
         raise UserError(f"{path} cannot be read as a mesh: a face names a vertex that is not there") from error
-    except Exception as error:  # the readers raise whatever a malformed file makes them trip over
+    except Exception as error:  # malformed files make the readers raise errors of any type
         reason = textwrap.shorten(str(error), 200) or type(error).__name__
         raise UserError(f"{path} cannot be read as a mesh: {reason}") from error
     if not len(mesh.faces):
@@ -61,21 +61,21 @@ def _joined(scene: Any) -> "Trimesh":
     import trimesh
 
     for part in scene.geometry.values():
-        part.visual = trimesh.visual.ColorVisuals()  # textures would split corners and need an image library
+        part.visual = trimesh.visual.ColorVisuals()  # textures would split vertices and need an image library
     mesh: Trimesh = scene.to_mesh()
     return mesh
 
 
 def check_faces(faces: np.ndarray, count: int, name: str) -> None:
-    """Refuse faces that name vertices which are not there.
+    """Check that faces refer to existing vertices.
 
     Args:
         faces: (f, 3), indices of vertices.
-        count: of vertices.
-        name: what messages call the mesh.
+        count: number of vertices.
+        name: name of the mesh, for messages.
 
     Raises:
-        UserError: some do.
+        UserError: a face refers to a vertex that does not exist.
     """
     bad = np.flatnonzero(((faces < 0) | (faces >= count)).any(axis=1))
     if len(bad):

@@ -8,7 +8,7 @@ encoder (TAPSR, Sec. 3.1, Fig. 1)::
     T (b a m 3) ─► touch encoder ─► Ft ┘
 
 `pcsr.contracts.network` holds the four kinds of network part and `Objective`, which trains a network;
-`pcsr.contracts.sources` the two kinds that data are made with; `pcsr.contracts.evaluation` metrics and baselines;
+`pcsr.contracts.sources` the two kinds that build data; `pcsr.contracts.evaluation` metrics and baselines;
 `pcsr.contracts.part` what all kinds have in common.
 """
 

@@ -62,8 +62,8 @@ class Part:
     traits: frozenset[Trait] = frozenset()
     """Properties that the part claims to have, none by default. An instance may claim less than its class."""
     version: ClassVar[int] = 1
-    """Version of the part's behaviour. Increase it when the same options give another result: data and weights made
-    with the older version then count as stale."""
+    """Version of the part's behaviour. Increase it when the same options give another result: data and weights of
+    the older version then count as stale."""
     path_options: ClassVar[frozenset[str]] = frozenset()
     """Names of options that are paths of files. Data sets are identified by the contents of these files, not by where
     they lie."""

@@ -37,7 +37,7 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         "extends": {"type": "string", "description": "recipe file to inherit from, relative to this file"},
         "recipes": {
             "type": "array",
-            "description": "recipe files to compare; the other keys of this file override theirs",
+            "description": "recipe files to compare; the other keys of this file override those of the listed files",
         },
         "matrix": {
             "type": "object",

@@ -87,7 +87,7 @@ def assign(source: Source, keys: Keys, value: Any, location: Location, name: Loc
         source: recipe to change.
         keys: keys of the value.
         value: new value.
-        place: location of the value in its file.
+        location: location of the value in its file.
         name: location of the key; that of the value by default.
     """
     if keys[0] == "model" and len(keys) > 1:  # a recipe without a model has the default one, which is changed here

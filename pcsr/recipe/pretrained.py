@@ -1,4 +1,4 @@
-"""Recipes that name weights: the recipe in the card fills what they leave out, and both must mean one network."""
+"""Recipes with finished weights: missing sections come from the weights' card, and the networks must agree."""
 
 import functools
 import json
@@ -22,7 +22,7 @@ from pcsr.weights.find import find
 
 @dataclass(frozen=True)
 class WeightsFile:
-    """A file of finished weights and the recipe in its card; the weights themselves are not read.
+    """Weights file with the recipe of its card. The weights themselves are not read.
 
     Only the parts of the network must be installed, not those of the data and the training.
     """
@@ -31,24 +31,24 @@ class WeightsFile:
     sha256: str
     """Hash of the file."""
     recipe: Recipe
-    """The recipe that the weights were trained by."""
+    """Recipe of the weights' training."""
     identity: tuple[int, ...] | None
-    """Of the file that was hashed, as `pcsr.files.identity` gives it."""
+    """Identity of the hashed file, from `pcsr.files.identity`."""
 
     @classmethod
     def read(cls, path: Path, registry: Registry) -> "WeightsFile":
-        """Read the card of a weights file and hash the file; in one process once, unless the file changes.
+        """Read the card of a weights file and hash the file. The result is cached until the file changes.
 
         Raises:
-            UserError: it is no weights file, its recipe means nothing here, or it changes meanwhile.
+            UserError: the file is not a weights file, its recipe is invalid here, or it changes while it is read.
         """
         return _read(path, identity(path), registry)
 
     def check_unchanged(self) -> None:
-        """Refuse a file that is another than the one that was hashed.
+        """Check that the file has not changed since it was hashed.
 
         Raises:
-            UserError: it is another.
+            UserError: the file has changed.
         """
         if identity(self.path) != self.identity:
             raise UserError(f"the weights {self.path} have changed since they were checked: run it again")
@@ -58,7 +58,7 @@ class WeightsFile:
 def _read(path: Path, file: tuple[int, ...] | None, registry: Registry) -> WeightsFile:
     card = read_card(path)
     if not isinstance(card.get("recipe"), dict):
-        raise UserError(f"{path} holds no recipe, so nobody knows which network its weights are of")
+        raise UserError(f"{path} holds no recipe, so the network of its weights is unknown: use a file that pcsr wrote")
     try:
         recipe = check_card(card["recipe"], registry, f"recipe in {path}")
     except RecipeError as error:
@@ -69,13 +69,13 @@ def _read(path: Path, file: tuple[int, ...] | None, registry: Registry) -> Weigh
 
 
 def check_with_weights(source: Source, registry: Registry) -> Recipe:
-    """The recipe that a source describes, which may name weights.
+    """Validate a recipe that may name weights.
 
-    Of such a recipe `train` is that of the weights, whatever it says, and so are `model`, `patches` and `data.rate` if
-    it says nothing of them.
+    If it does, `train` is always that of the weights, and so are `model`, `patches` and `data.rate` if the recipe
+    does not set them.
 
     Raises:
-        RecipeError: it has mistakes, or means another network than its weights.
+        RecipeError: the recipe has mistakes, or its network differs from that of the weights.
     """
     written = source.data.get("weights")
     if written is None:
@@ -89,42 +89,42 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
         del source.data["weights"]
         return check(source, registry)
     plain = weights_file.recipe.resolved()
-    under = {section: plain[section] for section in ("model", "patches") if section not in source.data}
-    under |= {"train": plain["train"], "data": {"rate": plain["data"]["rate"]}}
-    laid = merge(Source(under, {(): source.values[()]}), source)
-    laid.data["weights"] = named
-    laid.data.pop("code", None)  # of an objective that is not looked at
-    recipe = check(laid, registry, PARTS.keys() - {("train", "objective")})  # nothing is trained
+    base = {section: plain[section] for section in ("model", "patches") if section not in source.data}
+    base |= {"train": plain["train"], "data": {"rate": plain["data"]["rate"]}}
+    merged = merge(Source(base, {(): source.values[()]}), source)
+    merged.data["weights"] = named
+    merged.data.pop("code", None)  # may contain the objective, which is not validated
+    recipe = check(merged, registry, PARTS.keys() - {("train", "objective")})  # nothing is trained
     wrong = misfit(recipe, weights_file.recipe, registry)
     if wrong:
         keys, text = wrong
-        raise RecipeError([Mistake(laid.location(keys), text)])
+        raise RecipeError([Mistake(merged.location(keys), text)])
     return recipe.model_copy(update={"train": weights_file.recipe.train})
 
 
 def _named(written: Any, location: Location, registry: Registry) -> tuple[WeightsFile, dict[str, Any]]:
-    """The weights that a recipe names, and the resolved form of that."""
+    """Return the weights file that a recipe names, and the resolved section `weights`."""
     named = written if isinstance(written, dict) else {"use": written}
     use = named.get("use")
     if not isinstance(use, str) or not use:
         known = ", ".join(names())
-        raise UserError(f"weights are shipped ones ({known}) or a file, got {json.dumps(written, default=str)}")
-    # A line of a file: relative to that file; an option of the command line: to where we are.
+        raise UserError(f"weights must be shipped weights ({known}) or a file, got {json.dumps(written, default=str)}")
+    # A path in a file is relative to that file; a path on the command line, to the current folder.
     path = find(use, Path(location.origin).parent if location.line else Path())
     weights_file = WeightsFile.read(path, registry)
     if named.get("sha256", weights_file.sha256) != weights_file.sha256:
         raise UserError(
-            f"the weights {path} are not those of this recipe: their hash is {weights_file.sha256[:12]}…, and it says "
-            f"{str(named['sha256'])[:12]}…: get those, or remove weights.sha256"
+            f"the weights {path} have the hash {weights_file.sha256[:12]}…, but weights.sha256 is "
+            f"{str(named['sha256'])[:12]}…: get the file with this hash, or remove weights.sha256"
         )
     return weights_file, {**named, "use": use if use in names() else str(path), "sha256": weights_file.sha256}
 
 
 def check_weights(recipe: Recipe, registry: Registry) -> WeightsFile | None:
-    """The weights file that a recipe names, or None; its hash, network and rate must be the recipe's.
+    """Return the weights file that a recipe names, or None if it names none.
 
     Raises:
-        UserError: they are not.
+        UserError: the hash, network or rate of the file differs from the recipe's.
     """
     if recipe.weights is None:
         return None
@@ -139,38 +139,41 @@ def check_weights(recipe: Recipe, registry: Registry) -> WeightsFile | None:
 
 
 def misfit(recipe: Recipe, trained: Recipe, registry: Registry) -> tuple[Keys, str] | None:
-    """The first thing in which a recipe wants another network than weights are of: where it stands, and what it is.
+    """Return the keys of the first difference between a recipe's network and that of its weights, and a message.
 
     Args:
-        recipe: that names the weights.
-        trained: by which they were trained.
-        registry: knows which upsamplers serve any rate.
+        recipe: recipe that names the weights.
+        trained: recipe of the weights' training.
+        registry: installed parts, whose traits tell which upsamplers support any rate.
+
+    Returns:
+        Keys and message, or None if the networks agree.
     """
     different = _difference(_network(recipe), _network(trained), ())
     if different:
-        keys, ours, theirs = different
+        keys, value, trained_value = different
         text = (
-            f"{'.'.join(map(str, keys))} is {json.dumps(ours)}, and the weights were trained with "
-            f"{json.dumps(theirs)}: leave out `{keys[0]}`, which is then that of the weights, or name other weights"
+            f"{'.'.join(map(str, keys))} is {json.dumps(value)}, and the weights were trained with "
+            f"{json.dumps(trained_value)}: leave out `{keys[0]}` to use that of the weights, or name other weights"
         )
         return keys, text
-    rate, able = recipe.data.rate, trained.network_rate
+    rate, trained_rate = recipe.data.rate, trained.network_rate
     any_rate = Trait.ANY_RATE in registry.get("upsampler", recipe.model.upsampler.use).traits
-    if recipe.patches is None and rate != able and not any_rate:  # by patches it is applied again and again
-        text = f"data.rate is {rate}, and the weights make {able} points of each: take `rate: {able}`, or other weights"
-        return ("data", "rate"), text
+    if recipe.patches is None and rate != trained_rate and not any_rate:  # patches are repeated
+        text = f"data.rate is {rate}, and the weights have rate {trained_rate}"
+        return ("data", "rate"), f"{text}: take `rate: {trained_rate}`, or name other weights"
     return None
 
 
 def _network(recipe: Recipe) -> dict[str, Any]:
-    """What decides a network; how often patches cover a cloud does not."""
+    """Return the sections that determine a network. The overlap of patches does not."""
     plain = recipe.resolved()
     patches = plain["patches"]
     return {"model": plain["model"], "patches": patches and {k: v for k, v in patches.items() if k != "overlap"}}
 
 
 def _difference(one: Any, other: Any, keys: Keys) -> tuple[Keys, Any, Any] | None:
-    """The first place at which two trees differ, and what stands there in each."""
+    """Return the keys of the first difference between two trees, with both values."""
     if not (isinstance(one, dict) and isinstance(other, dict)):
         return None if one == other else (keys, one, other)
     for key in dict.fromkeys([*one, *other]):

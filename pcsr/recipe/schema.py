@@ -1,4 +1,4 @@
-"""What a recipe may say: its sections as pydantic models; each part's options, read off its constructor."""
+"""Schema of recipes: pydantic models of the sections, and of each part's options from its constructor."""
 
 import hashlib
 import inspect
@@ -14,75 +14,76 @@ from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import as_in_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
-"""Of a run: with its fingerprint it is the name of a folder, and those have up to 255 characters everywhere."""
+"""Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-"""YAML has lists only; a value that must not change is a tuple."""
+"""Validator that turns the lists of YAML into tuples, which cannot change."""
 
 MOST_TRUTH = 1 << 20
-"""Points of an object's truth: a minute and 2 GB for each object."""
+"""Largest number of points of an object's truth. It takes a minute and 2 GB for each object."""
 MOST_RAYS = 1 << 24
-"""Lines of sight of all depth cameras on an object: a minute and 2 GB."""
+"""Largest number of rays of all depth cameras of an object. It takes a minute and 2 GB."""
 
 
 class Section(BaseModel):
-    """A part of a recipe that knows its keys: an unknown one is a mistake."""
+    """Section of a recipe. Unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class PartSpec(Section):
-    """A part by name with its options; once checked, all of its options."""
+    """Name of a part with its options. A checked recipe holds all options, with their defaults."""
 
     use: str
     options: dict[str, Any] = Field(default_factory=dict)
 
     def build(self, registry: Registry, kind: str, *host: Any) -> Any:
-        """An instance of the part; `host` is what the host hands in, such as `Widths`."""
+        """Build the part. `host` are the arguments that the host passes by position, such as `Widths`."""
         part = registry.get(kind, self.use)
         with guarded(f"the constructor of {kind} '{self.use}'"):
             return part(*host, **self.options)
 
     def needs(self, registry: Registry, kind: str) -> dict[str, str]:
-        """The packages that the part needs, and its name, as `pcsr.extras.require` takes them."""
+        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`."""
         return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
 
 
 class View(Section):
-    """The simulated depth camera of `sampling: view`."""
+    """Simulated depth cameras of `sampling: view`."""
 
     cameras: Annotated[int, Field(ge=1, le=64)] = 1
-    """Viewpoints, drawn for each object; surface that none of them sees is missing."""
+    """Number of viewpoints, drawn for each object. Surface that no camera sees is missing from the cloud."""
     noise: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Standard deviation along the line of sight, in radii of the object."""
     distance: Annotated[float, Field(gt=1, le=1000)] = 3.0
-    """From the camera to the object's middle, in radii of the object."""
+    """Distance from the camera to the object's centre, in radii of the object."""
     pixels: Annotated[int, Field(ge=8, le=4096)] = 160
-    """Along each side of the image, which just holds the object."""
+    """Side of the square image, in pixels. The image just covers the object."""
 
 
 class Data(Section):
-    """The objects, their clouds and their touches."""
+    """Data: objects, their clouds and their touches."""
 
     shapes: PartSpec
     touch: PartSpec
     touches: Annotated[int, Field(ge=0, le=16)] = 4
-    """Touches of each object at evaluation."""
+    """Number of touches of each object at evaluation."""
     points: Annotated[int, Field(ge=16, le=MOST_TRUTH)] = 512
-    """Points of the sparse cloud."""
+    """Number of points of the sparse cloud."""
     rate: Annotated[int, Field(ge=1, le=64)] = 16
-    """Points of the truth for each of them."""
+    """Number of points of the truth per point of the sparse cloud."""
     truth: Literal["poisson", "fps"] = "poisson"
-    """How the truth is drawn from the surface: blue noise, or farthest points."""
+    """Sampling of the truth on the surface: Poisson disk (blue noise) or farthest points."""
     sampling: Literal["random", "poisson", "fps", "view", "mixed"] = "random"
-    """How the sparse cloud is drawn from the truth; `view`: seen by a depth camera instead; `mixed`: each of these for
-    a quarter of the objects."""
+    """Sampling of the sparse cloud: a subset of the truth, or the points that depth cameras see (`view`). With `mixed`,
+    each of the four is used for a quarter of the objects."""
     view: View = View()
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
-    """None: the recipe's. With one of its own the data stays the same under other seeds of the training."""
+    """Seed of the data. With a seed here, the data does not change with the seed of the training. None: the recipe's
+    seed."""
 
 
 class Model(Section):
-    """The parts of the network."""
+    """Parts of the network."""
 
     encoder: PartSpec
     touch_encoder: PartSpec | None = None
@@ -93,12 +94,12 @@ class Model(Section):
 
 Count = Annotated[int, Field(ge=0, le=16)]
 FEW = Field(max_length=16)
-"""A list of names, none of them twice."""
+"""Limit of the lists of names."""
 Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop"]
 
 
 class Train(Section):
-    """How the network is trained."""
+    """Training of the network."""
 
     objective: PartSpec
     epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 300
@@ -109,47 +110,48 @@ class Train(Section):
     decay: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Factor of the learning rate every `decay_every` epochs."""
     decay_every: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """None: a tenth of the epochs."""
+    """Number of epochs between two decays. None: a tenth of the epochs."""
     augment: Annotated[tuple[Augmentation, ...], AS_TUPLE, FEW] = ("redraw", "even", "rotate", "scale", "jitter")
     touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
-    """One number, or the least and the most, drawn for each batch; None: as at evaluation."""
+    """Number of touches in training, or the least and the greatest, between which it is drawn for each batch. None: the
+    number at evaluation."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
 
 
 class Evaluate(Section):
-    """What is measured, and beside what."""
+    """Evaluation: metrics and baselines."""
 
     metrics: Annotated[tuple[str, ...], AS_TUPLE, Field(min_length=1), FEW] = ("cd", "hd", "emd")
-    """Registered metrics by name."""
+    """Names of registered metrics."""
     baselines: Annotated[tuple[str, ...], AS_TUPLE, FEW] = ("midpoint",)
-    """Registered baselines; wins are counted against the first. `midpoint`: interpolation; `floor`: the true surface,
-    sampled once more and independently of the truth: the least error that any upsampler can expect."""
+    """Names of registered baselines. Wins are counted against the first. `midpoint` is interpolation. `floor` is
+    another sample of the true surface, independent of the truth: the lowest error that an upsampler can expect."""
     objects: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """The first so many of the test split; None: all."""
+    """Number of evaluated objects, the first of the test split. None: all."""
     examples: Annotated[int, Field(ge=0, le=16)] = 4
-    """Objects that the report shows."""
+    """Number of objects that the report shows."""
     published: Annotated[dict[str, float], Field(max_length=64)] = Field(default_factory=dict)
-    """What a publication says of this network: metrics times 10³, `s/cloud`, `s/epoch`; tables show it beside ours."""
+    """Published values of this network for the tables: metrics times 10³, `s/cloud` and `s/epoch`."""
 
 
 class Patches(Section):
-    """The field's protocol: small patches, each seen alone, merged and thinned by farthest points."""
+    """Patch-wise upsampling: patches are upsampled one by one, merged, and subsampled with farthest points."""
 
     points: Annotated[int, Field(ge=16, le=65_536)] = 256
-    """Points of a patch."""
+    """Number of points of a patch."""
     rate: Annotated[int, Field(ge=2, le=64)] = 4
-    """Points that the network makes of each. To reach the rate of the data it is applied again to what it made."""
+    """Upsampling rate of one pass. The network is applied repeatedly until the rate of the data is reached."""
     overlap: Annotated[float, Field(ge=1, le=16)] = 3.0
-    """In how many patches a point is, in the mean."""
+    """Mean number of patches that contain a point."""
 
 
 class Weights(Section):
-    """Weights that are evaluated instead of training."""
+    """Finished weights, which are evaluated instead of training."""
 
     use: Annotated[str, Field(min_length=1, max_length=4096)]
-    """The name of shipped ones, or a file."""
+    """Name of shipped weights, or path of a file."""
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    """Of the file. It is filled in where a recipe is read; one that is written is held against the file."""
+    """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
 
 
 def _named(name: str) -> str:
@@ -159,38 +161,38 @@ def _named(name: str) -> str:
 
 
 class Recipe(Section):
-    """Everything that decides a run."""
+    """Recipe of a run."""
 
     name: Annotated[str, AfterValidator(_named), Field(json_schema_extra={"pattern": NAME})]
-    """It names the run's folder."""
+    """Name of the run and its folder."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     data: Data
     model: Model
     patches: Patches | None = None
-    """None: the whole cloud in one pass, as TAPSR does it."""
+    """Patch-wise upsampling. None: the whole cloud in one pass, as in TAPSR."""
     train: Train
     weights: Weights | None = None
-    """Evaluated instead of training; None: the network is trained. What `train` says is then how they were."""
+    """Weights to evaluate instead of training; `train` then describes their training. None: the network is trained."""
     joined: Annotated[tuple[str, ...], AS_TUPLE, Field(max_length=1_000)] = ()
-    """The fingerprints of the folders, where the data is that of several (`--data`)."""
+    """Fingerprints of the data folders, if several are joined (`--data`)."""
     evaluate: Evaluate = Evaluate()
     code: dict[str, str] = Field(default_factory=dict)
-    """By the place of a part, such as `model.fusion`, a hash of the code of the plugin that brings it; of a part of
-    pcsr its version from 2 on. It is filled in where a recipe is read, whatever is written."""
+    """Identifiers of the code of the parts by their keys, such as `model.fusion`: a hash of the plugin's files, or the
+    version, from 2 on, of a part of pcsr. They are filled in when a recipe is read; what the file says is ignored."""
 
     @property
     def network_points(self) -> int:
-        """Points of a cloud as the network sees it."""
+        """Number of points of the network's input cloud."""
         return self.patches.points if self.patches else self.data.points
 
     @property
     def network_rate(self) -> int:
-        """Points that the network makes of each."""
+        """Upsampling rate of one pass of the network."""
         return self.patches.rate if self.patches else self.data.rate
 
     @property
     def touch_range(self) -> tuple[int, int]:
-        """Fewest and most touches in training."""
+        """Least and greatest number of touches in training."""
         touches = self.train.touches
         if touches is None:
             touches = self.data.touches
@@ -198,11 +200,11 @@ class Recipe(Section):
 
     @property
     def most_touches(self) -> int:
-        """Touches that each object of the data must have."""
+        """Number of touches that each object of the data must have."""
         return max(self.touch_range[1], self.data.touches)
 
     def resolved(self) -> dict[str, Any]:
-        """Plain data with every default filled in, in the form of a recipe file."""
+        """Return the recipe as plain data, in the form of a recipe file, with all defaults."""
         plain: dict[str, Any] = {key: _flat(value) for key, value in self.model_dump(mode="json").items()}
         if not self.code:
             del plain["code"]
@@ -210,12 +212,12 @@ class Recipe(Section):
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all that decides the weights: neither the name nor the evaluation does."""
+        """Hash of everything that determines the weights, which excludes the name and the evaluation."""
         return _hash(self._decisive() | ({"code": self.code} if self.code else {}))
 
     @property
     def settings_fingerprint(self) -> str:
-        """The fingerprint without the code of the parts: that of runs of this recipe before a plugin was edited."""
+        """Fingerprint without the code of the parts. It does not change when a plugin is edited."""
         return _hash(self._decisive())
 
     def _decisive(self) -> dict[str, Any]:
@@ -233,14 +235,14 @@ class Recipe(Section):
         return decisive
 
     def measured_on_meshes(self, registry: Registry) -> list[str]:
-        """The metrics and baselines that need the true surfaces, beside the clouds of the data."""
+        """Return the names of the metrics and baselines that need the true surface of the objects."""
         named = (*(("metric", name) for name in self.evaluate.metrics),)
         named += (*(("baseline", name) for name in self.evaluate.baselines),)
         return [name for kind, name in named if registry.get(kind, name).needs_mesh]
 
     @property
     def data_seed(self) -> int:
-        """The seed of everything random in the data."""
+        """Seed of the data."""
         return self.seed if self.data.seed is None else self.data.seed
 
 
@@ -255,11 +257,11 @@ DEFAULTS: dict[str, Any] = {
     },
     "train": {"objective": {"use": "chamfer"}},
 }
-"""Parts that need not be named. A recipe without a `model` gets that of `tapsr`; one with a model names its parts."""
+"""Default parts. A recipe without a `model` has that of `tapsr`; a `model` must name all of its parts."""
 
 
 def _flat(node: Any) -> Any:
-    """`{use, options: {…}}` to the form that people write: `{use, …}`."""
+    """Convert `{use, options: {…}}` to the form of recipe files, `{use, …}`."""
     if isinstance(node, dict):
         if node.keys() == {"use", "options"}:
             return {"use": node["use"], **node["options"]}
@@ -272,11 +274,11 @@ def _hash(plain: Any) -> str:
 
 
 def options_model(part: type) -> type[BaseModel]:
-    """The options of a part as a model: the keyword-only parameters of its constructor.
+    """Return the model of a part's options, which are the keyword-only parameters of its constructor.
 
-    Their types are what YAML can write: bool, int, float, str, Literal, None, lists, tuples and mappings of
-    these, with pydantic's constraints as `Annotated`. It is strict, and made for `model_validate_json`: JSON
-    knows no tuples, so a list is taken for one there.
+    Options may be of any type that YAML can express: bool, int, float, str, Literal, None, and lists, tuples and
+    mappings of these, with pydantic's constraints as `Annotated`. The model is strict. Validate with
+    `model_validate_json`, which accepts a list for a tuple, since JSON has no tuples.
 
     Raises:
         TypeError: a parameter has no type.

@@ -1,4 +1,4 @@
-"""A recipe's file as plain data with the place of each key and value. YAML 1.2: no Python, no environment."""
+"""Reading of recipe files: plain data with the location of each key and value. Plain YAML 1.2, without object tags."""
 
 import copy
 import os
@@ -16,21 +16,21 @@ from pcsr.errors import UserError
 from pcsr.validation_messages import shown
 
 Keys = tuple[str | int, ...]
-"""The way to a value: ("model", "encoder", "channels")."""
+"""Keys that lead to a value, such as ("model", "encoder", "channels")."""
 MOST_BYTES = 1 << 18
-"""Size of a recipe file; those of pcsr have up to 3,000 bytes."""
+"""Largest size of a recipe file. The recipes of pcsr have up to 3,000 bytes."""
 MOST_VALUES = 10_000
-"""Values of a recipe file, those that its aliases repeat included."""
+"""Largest number of values of a recipe file, including those that aliases repeat."""
 DEEPEST = 32
-"""Levels of mappings and lists in each other."""
+"""Largest depth of nested mappings and lists."""
 MOST_DIGITS = 100
-"""Digits of a whole number; each option has a limit of its own far below."""
+"""Largest number of digits of a whole number. The limits of all options are far lower."""
 MOST_LISTED = 100
-"""The most mistakes that a message lists one by one."""
+"""Largest number of mistakes that a message lists; further ones are counted."""
 
 
 class Location(NamedTuple):
-    """Where something stands: file or command-line option, line and column from 1; 0 where there are none."""
+    """Location in a file, with line and column from 1, or a command-line option, with line and column 0."""
 
     origin: str
     line: int = 0
@@ -41,7 +41,7 @@ class Location(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """One thing that is wrong, and the fix."""
+    """Mistake in a recipe, with its location and the remedy."""
 
     location: Location
     text: str
@@ -51,7 +51,7 @@ class Mistake(NamedTuple):
 
 
 class RecipeError(UserError):
-    """All mistakes of a recipe, a line each, in the order of the file."""
+    """All mistakes of a recipe, one on each line, in the order of the file."""
 
     placed = True
 
@@ -64,21 +64,21 @@ class RecipeError(UserError):
 
 @dataclass
 class Source:
-    """Plain data and where each piece of it stands."""
+    """Plain data of a recipe, with the location of each key and value."""
 
     data: dict[str, Any]
     values: dict[Keys, Location] = field(default_factory=dict)
     names: dict[Keys, Location] = field(default_factory=dict)
-    """Of keys rather than their values: an unknown key is marked itself."""
+    """Locations of the keys, as opposed to `values`, which holds those of the values."""
     mistakes: list[Mistake] = field(default_factory=list)
-    """What was wrong already in the writing; reported together with what is wrong in the meaning."""
+    """Mistakes in the YAML itself. They are reported together with those that validation finds."""
 
     def copy(self) -> "Source":
-        """The same, to be changed without changing this one."""
+        """Return a deep copy."""
         return Source(copy.deepcopy(self.data), dict(self.values), dict(self.names), list(self.mistakes))
 
     def location(self, keys: Keys, *, of_name: bool = False) -> Location:
-        """Where a value stands; if it isn't written anywhere, where the nearest thing around it does."""
+        """Return the location of a value or key. If it is not in the file, return that of its section."""
         known = self.names if of_name else self.values
         if keys in known:
             return known[keys]
@@ -95,7 +95,7 @@ def read(path: Path) -> Source:
         RecipeError: it is not YAML, or not a mapping.
     """
     try:
-        # A pipe that nobody writes into would be waited for, and a device has no end.
+        # Reading a pipe without a writer would block, and a device has no end.
         if not stat.S_ISREG(os.stat(path).st_mode) and not path.is_dir():
             raise UserError(f"recipe {path} is no file but a pipe or a device: write the recipe into a file")
         with path.open("rb") as file:
@@ -111,7 +111,7 @@ def read(path: Path) -> Source:
 
 
 def parse(text: str, origin: str) -> Source:
-    """Read a recipe's text; `origin` names it in messages.
+    """Parse the text of a recipe; `origin` names it in messages.
 
     Raises:
         RecipeError: it is not YAML, not a mapping, or too large.
@@ -125,7 +125,7 @@ def parse(text: str, origin: str) -> Source:
 
 
 def scalar(text: str, location: Location) -> Any:
-    """A value given on the command line, read as YAML.
+    """Parse a value from the command line as YAML.
 
     Raises:
         RecipeError: it is not YAML, or too large.
@@ -142,14 +142,14 @@ def scalar(text: str, location: Location) -> Any:
 
 
 def _composed(text: str, origin: str) -> Node | None:
-    """The nodes of a YAML document; an alias is the very node that it stands for."""
+    """Return the root node of a YAML document. An alias is the same node object as its anchor."""
     try:
         node: Node | None = YAML(typ="safe", pure=True).compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         location = Location(origin, mark.line + 1, mark.column + 1) if mark else Location(origin)
         what = error.problem or "not YAML"
-        raise RecipeError([Mistake(location, f"{what}: mend the YAML there")]) from error
+        raise RecipeError([Mistake(location, f"{what}: correct the YAML there")]) from error
     except (YAMLError, ValueError) as error:  # a control character: no mark
         raise RecipeError([Mistake(Location(origin), f"not YAML: {str(error).splitlines()[0]}")]) from error
     except RecursionError as error:
@@ -170,14 +170,14 @@ class _Plain:
         self.values = 0
 
     def value(self, node: Node, keys: Keys, around: tuple[Node, ...] = ()) -> Any:
-        """The plain value of a node that stands at `keys`, inside of the nodes `around`.
+        """Return the plain value of the node at `keys`, inside the nodes `around`.
 
         Raises:
             RecipeError: there are too many values, or they are nested too deeply.
         """
         self.count()
         if node in around:
-            return self.wrong(keys, "an alias inside of what it stands for: write it out")
+            return self.wrong(keys, "an alias that contains itself: write it out")
         if len(around) > DEEPEST:
             raise RecipeError([Mistake(self.source.location(keys), TOO_DEEP)])
         kind = _kind(node)
@@ -202,17 +202,17 @@ class _Plain:
         """Count one more value.
 
         Raises:
-            RecipeError: that is too many; a few lines of aliases of aliases stand for more than any memory holds.
+            RecipeError: there are too many values. A few lines of nested aliases can expand beyond all memory.
         """
         self.values += 1
         if self.values > MOST_VALUES:
-            text = f"more than {MOST_VALUES} values, those that aliases repeat included: no recipe needs so many"
+            text = f"more than {MOST_VALUES} values, including those that aliases repeat: shorten it"
             raise RecipeError([Mistake(Location(self.origin), text)])
 
     def pairs(
         self, node: MappingNode, keys: Keys, around: tuple[Node, ...]
     ) -> Iterator[tuple[str, Node, ScalarNode | None]]:
-        """Keys and values of a mapping: its own, each with the node of the key, then those that `<<` merges in."""
+        """Yield the keys and values of a mapping with the keys' nodes. Merged keys (`<<`) come last, without nodes."""
         known = set()
         merged: list[Node] = []
         for key_node, value in node.value:
@@ -233,7 +233,7 @@ class _Plain:
             if not isinstance(one, MappingNode):
                 self.wrong(keys, "`<<` merges mappings in: write an alias of one behind it")
             elif one in (node, *around):
-                self.wrong(keys, "`<<` merges in what it stands in itself: write it out")
+                self.wrong(keys, "`<<` merges a mapping into itself: write it out")
             else:
                 self.count()
                 for key, value, _ in self.pairs(one, keys, (*around, node)):
@@ -242,7 +242,7 @@ class _Plain:
                         yield key, value, None
 
     def scalar(self, node: ScalarNode, kind: str, keys: Keys) -> Any:
-        """The value of a node that is no list and no mapping."""
+        """Return the value of a scalar node."""
         text = str(node.value)
         if kind == "str":
             return text
@@ -264,19 +264,19 @@ class _Plain:
         return self.wrong(keys, f"recipes are plain data: remove the tag {_written(node)}")
 
     def at(self, node: Node) -> Location:
-        """Where a node stands."""
+        """Return the location of a node."""
         return Location(self.origin, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def wrong(self, keys: Keys, text: str) -> None:
-        """Note a mistake of the value at `keys`, which is None instead."""
+        """Record a mistake of the value at `keys`, whose value is then None."""
         self.source.mistakes.append(Mistake(self.source.location(keys), text))
 
 
 def _kind(node: Node) -> str:
-    """What a node is: "map", "seq", "int" and so on, or the tag that is none of YAML's own."""
+    """Return the kind of a node, such as "map", "seq" or "int", or a tag that YAML does not define."""
     return str(node.tag).removeprefix(YAML_TAG)
 
 
 def _written(node: Node) -> str:
-    """A tag as it is written, its namespace as `!!`."""
+    """Return the tag of a node in short form, with `!!` for YAML's namespace."""
     return shown(str(node.tag).replace(YAML_TAG, "!!", 1)).strip("'")

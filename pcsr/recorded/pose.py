@@ -1,4 +1,4 @@
-"""Poses as people record them, as pcsr has them: from mm in the sensor's frame to the object's frame and unit."""
+"""Conversion of recorded poses to pcsr's: from mm in the sensor's frame to the object's frame and unit."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,43 +8,44 @@ from pcsr.errors import UserError
 from pcsr.recorded.manifest import Axis, EulerPose, MatrixPose, QuaternionPose
 
 TOLERANCE = 1e-3
-"""How far a rotation may be off, in each of its nine numbers and in scale."""
+"""Largest relative error of a rotation's scale. Entries of R Rᵀ - I may be up to twice as large."""
 
 AnyPose = MatrixPose | QuaternionPose | EulerPose
 
 
 def rotation_from(axes: Axis) -> Float[np.ndarray, "4 4"]:
-    """From pcsr's sensor frame, which looks along -z, to one of the same origin that looks along `axes`.
+    """Return the rotation from pcsr's sensor frame, which looks along -z, to a frame that looks along `axes`.
 
-    The shortest rotation there is; to +z it is half a turn about x, so that an image's right stays right.
+    It is the shortest such rotation about the common origin. For `+z` it is half a turn about x, so that x, the right
+    of an image, keeps its direction.
     """
     matrix = np.eye(4)
-    ours = np.array([0.0, 0.0, -1.0])
-    theirs = np.zeros(3)
-    theirs["xyz".index(axes[1])] = 1.0 if axes[0] == "+" else -1.0
+    source = np.array([0.0, 0.0, -1.0])
+    target = np.zeros(3)
+    target["xyz".index(axes[1])] = 1.0 if axes[0] == "+" else -1.0
     if axes == "+z":
         matrix[:3, :3] = np.diag([1.0, -1.0, -1.0])
     elif axes != "-z":
-        about = np.cross(ours, theirs)
-        matrix[:3, :3] = np.outer(about, about) + np.outer(theirs, ours) - np.outer(ours, theirs)
+        axis = np.cross(source, target)
+        matrix[:3, :3] = np.outer(axis, axis) + np.outer(target, source) - np.outer(source, target)
     return matrix
 
 
 def transformed(pose: Float[np.ndarray, "4 4"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Points through a pose."""
+    """Transform points with a pose."""
     moved: Float[np.ndarray, "n 3"] = points @ pose[:3, :3].T + pose[:3, 3]
     return moved
 
 
 def offset_z(distance: float) -> Float[np.ndarray, "4 4"]:
-    """The pose of a frame whose origin lies at z = `distance`."""
+    """Return the pose of a frame whose origin lies at z = `distance`."""
     matrix = np.eye(4)
     matrix[2, 3] = distance
     return matrix
 
 
 def in_object(rigid: Float[np.ndarray, "4 4"], unit: float, object_unit: float) -> Float[np.ndarray, "4 4"]:
-    """A rigid pose, with its translation in `unit`, as one from mm to the object's unit; units in mm."""
+    """Convert a rigid pose, with its translation in `unit`, to one from mm to the object's unit; units are in mm."""
     pose = rigid.copy()
     pose[:3, :3] /= object_unit
     pose[:3, 3] *= unit / object_unit
@@ -54,16 +55,16 @@ def in_object(rigid: Float[np.ndarray, "4 4"], unit: float, object_unit: float) 
 def sensor_to_object(
     pose: AnyPose, unit: float, object_unit: float, object_pose: AnyPose | None = None
 ) -> Float[np.ndarray, "4 4"]:
-    """A recorded pose as one from mm in the recording's own sensor frame to the object's frame and unit.
+    """Convert a recorded pose to one from mm in the recording's sensor frame to the object's frame and unit.
 
     Args:
-        pose: as recorded.
-        unit: of translations, and of the coordinates that a matrix maps, in mm.
-        object_unit: of the object's frame, in mm.
-        object_pose: the object's own in the world, where `pose` leads to the world.
+        pose: recorded pose, to the object or to the world.
+        unit: unit of translations, and of the coordinates that a matrix maps, in mm.
+        object_unit: unit of the object's frame, in mm.
+        object_pose: pose of the object in the world, if `pose` leads to the world.
 
     Raises:
-        UserError: it is no pose, or its scale contradicts the units.
+        UserError: the matrix or the rotation is invalid, or its scale contradicts the units.
     """
     if isinstance(pose, MatrixPose) and pose.maps_to != "rigid" and object_pose is None:
         matrix = check_matrix(np.array(pose.matrix, np.float64), unit / object_unit)
@@ -76,14 +77,19 @@ def sensor_to_object(
 
 
 def rigid(pose: AnyPose, name: str = "pose", *, in_world: bool = False) -> Float[np.ndarray, "4 4"]:
-    """A rotation and a translation, as a matrix.
+    """Return the matrix of a rigid pose.
+
+    Args:
+        pose: recorded pose.
+        name: name of the pose, for messages.
+        in_world: the pose leads to the world, where matrices are rigid by default.
 
     Raises:
-        UserError: it is none.
+        UserError: the rotation is invalid, or the pose changes the unit.
     """
     if isinstance(pose, MatrixPose):
         if pose.maps_to != "rigid" and not (in_world and pose.maps_to is None):
-            raise UserError(f'{name}.maps_to: this pose cannot change the unit: say "maps_to": "rigid"')
+            raise UserError(f'{name}.maps_to: this pose cannot change the unit: set "maps_to": "rigid"')
         return check_matrix(np.array(pose.matrix, np.float64), 1.0, f"{name}.matrix")
     matrix = np.eye(4)
     matrix[:3, :3] = _quaternion(pose, name) if isinstance(pose, QuaternionPose) else _euler(pose, name)
@@ -92,10 +98,10 @@ def rigid(pose: AnyPose, name: str = "pose", *, in_world: bool = False) -> Float
 
 
 def pose_from_7_vector(row: Float[np.ndarray, "7"], name: str) -> Float[np.ndarray, "4 4"]:
-    """A rigid pose from x, y, z, qx, qy, qz, qw.
+    """Return the matrix of a rigid pose from x, y, z, qx, qy, qz, qw.
 
     Raises:
-        UserError: it is not finite, or its quaternion is none.
+        UserError: a number is not finite, or the quaternion does not have norm 1.
     """
     if not np.isfinite(row).all():
         raise UserError(f"{name} is not finite: {row.tolist()}")
@@ -104,10 +110,16 @@ def pose_from_7_vector(row: Float[np.ndarray, "7"], name: str) -> Float[np.ndarr
 
 
 def check_matrix(matrix: Float[np.ndarray, "4 4"], scale: float, name: str = "pose.matrix") -> Float[np.ndarray, "4 4"]:
-    """The matrix itself, if it is a rotation times `scale`, and a translation.
+    """Check that a matrix is a rotation times `scale` with a translation, and return it.
+
+    Args:
+        matrix: homogeneous matrix.
+        scale: expected scale.
+        name: name of the matrix, for messages.
 
     Raises:
-        UserError: it is not finite, its last row is another, it mirrors, or it stretches otherwise.
+        UserError: a number is not finite, the last row is not 0 0 0 1, or the matrix mirrors, shears or has another
+            scale.
     """
     if not np.isfinite(matrix).all():
         raise UserError(f"{name} is not finite: {matrix.tolist()}")
@@ -120,8 +132,8 @@ def check_matrix(matrix: Float[np.ndarray, "4 4"], scale: float, name: str = "po
     found = volume ** (1 / 3)
     if not abs(found / scale - 1) <= TOLERANCE:  # nor may it be nan
         raise UserError(
-            f"{name} scales by {found:.6g}, and with these units it should by {scale:.6g}: set unit and "
-            f'object_unit right, or say "maps_to": "rigid" if its translation is in `unit` as the clouds are'
+            f"{name} scales by {found:.6g}, but these units require {scale:.6g}: correct unit and "
+            f'object_unit, or set "maps_to": "rigid" if its translation is in `unit`, like the clouds'
         )
     rotation = matrix[:3, :3] / scale
     with np.errstate(all="ignore"):

@@ -106,7 +106,7 @@ def test_info_prints_it_again_and_draws_the_objects(data, tmp_path):
     assert [row["name"] for row in drawn["examples"]] == ["train/000", "train/001", "train/003", "train/004"]
     titles = [view["title"] for view in drawn["examples"][0]["views"]]
     assert titles[0] == "(a) truth, 64 points"
-    assert titles[1].startswith("(b) 16 points and 2 touches, ")
+    assert titles[1].startswith("(b) 16 points, 2 touches, ")
     assert titles[2] == "(c) the first touch, 20 points"
     counts = [len(trace["x"]) for view in drawn["examples"][0]["views"] for trace in view["traces"]]
     assert counts == [64, 16, 40, 20]
@@ -139,7 +139,7 @@ def test_info_of_something_else_is_one_line(data, tmp_path):
 
 def test_info_verifies_every_file_if_it_is_asked_to(data, tmp_path):
     data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3", "held_out=1"])
-    assert "its files were not verified" in data("info", tmp_path / "out").output
+    assert "files not verified" in data("info", tmp_path / "out").output
     whole = data("info", tmp_path / "out", "--verify")
     assert whole.exit_code == 0, whole.output
     assert "all 3 files are intact" in whole.output

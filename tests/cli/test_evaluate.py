@@ -24,7 +24,7 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
     assert told.exit_code == 0, told.output
     assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "the truth fills the unit sphere" in " ".join(told.output.split())
+    assert "normalized by the bounding sphere of the truth" in " ".join(told.output.split())
     plain = run(
         "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
     )
@@ -39,7 +39,9 @@ def test_it_says_why_there_is_no_emd(tmp_path):
     write_points(tmp_path / "b.ply", np.random.default_rng(1).normal(size=(30, 3)))
     told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
     assert told.exit_code == 0
-    assert "left out: emd compares clouds of one size, got 40 and 30 points: thin one of them" in told.output
+    assert (
+        "skipped: emd compares clouds of the same size, got 40 and 30 points: subsample the larger one" in told.output
+    )
 
 
 @pytest.mark.parametrize("frame", ["truth", "each", "none"])
@@ -51,8 +53,12 @@ def test_it_measures_as_python_does_in_every_frame(tmp_path, frame):
     told = run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame, "--json")
     assert json.loads(told.output) == evaluate(made, truth, frame=frame)
     table = " ".join(run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame).output.split())
-    said = {"truth": "the truth fills the unit sphere", "each": "Each cloud fills", "none": "the clouds' own unit"}
-    assert said[frame] in table
+    captions = {
+        "truth": "normalized by the bounding sphere of the truth",
+        "each": "Each cloud is normalized",
+        "none": "in the unit of the clouds",
+    }
+    assert captions[frame] in table
     assert "Lower is better." in table
 
 

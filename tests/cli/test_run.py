@@ -150,5 +150,5 @@ def test_weights_for_another_rate_are_refused_before_anything_runs(call, data):
     Path("bare.yaml").write_text("name: bare\ndata: {touches: 0}\n", encoding="utf-8")
     Path("study.yaml").write_text(f"name: s\nrecipes: {rows}\n", encoding="utf-8")
     said = run(call, "study.yaml", "--data", "wide", code=UserError.exit_code)
-    assert "recipe 's-bare': data.rate is 2, and the weights make 4 points of each" in said
+    assert "recipe 's-bare': data.rate is 2, and the weights have rate 4" in said
     assert sorted(Path("runs").rglob("*")) == before

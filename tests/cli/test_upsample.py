@@ -123,7 +123,7 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     plain = run(*command, "-o", tmp_path / "plain.npy")
     done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches")
     assert (plain.exit_code, done.exit_code) == (0, 0), done.output
-    assert "touch 1.ply is left out: " in done.output
+    assert "touch 1.ply is skipped: " in done.output
     assert "80 points and 1 of 2 touches to 160 by frames" in done.output
     assert not np.array_equal(read_points(tmp_path / "plain.npy"), read_points(tmp_path / "out.npy"))
 
@@ -138,7 +138,7 @@ def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
     assert "2 of " in refused.output
     dropped = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--bad", "drop", "--model", "midpoint")
     assert dropped.exit_code == 0, dropped.output
-    assert "2 points were not finite and are left out" in dropped.output
+    assert "2 points are not finite and were dropped" in dropped.output
     assert len(read_points(tmp_path / "out.npy")) == 4 * 78
 
 
@@ -201,7 +201,7 @@ def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path
     command = ("upsample", scan, "-o", tmp_path / "out.ply", "--touch", tmp_path / "touches", "--model", "midpoint")
     done = run(*command, "--quiet")
     assert done.exit_code == 0, done.output
-    assert done.output.startswith("touch 1.ply is left out: ")
+    assert done.output.startswith("touch 1.ply is skipped: ")
     assert len(done.output.strip().splitlines()) == 1
 
 

@@ -26,7 +26,7 @@ def test_chosen_rows_take_their_columns_along():
 @pytest.mark.parametrize(
     ("columns", "reason"),
     [
-        ({"x": row()}, "no column of a cloud is called 'x'"),
+        ({"x": row()}, "a column of a cloud is called 'x', the name of a coordinate"),
         ({"label": row()[:3]}, r"'label' holds float64 \(3,\): it needs 4 rows of numbers"),
         ({"label": np.array(list("abcd"))}, "'label' holds <U1"),
         ({"label": np.zeros((4, 2, 2))}, r"\(4, 2, 2\)"),
@@ -41,7 +41,7 @@ def test_what_is_no_cloud_is_refused(columns, reason):
 def test_points_are_doubles_even_where_nobody_checks_the_types(points):
     cloud = Cloud(POINTS)
     object.__setattr__(cloud, "points", points)
-    with pytest.raises(UserError, match=r"points are doubles of shape \(n, 3\), not "):
+    with pytest.raises(UserError, match=r"points must be doubles of shape \(n, 3\), got "):
         cloud.__post_init__()
 
 

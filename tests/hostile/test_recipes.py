@@ -36,7 +36,7 @@ def check(limited, tmp_path):
         (f"{LAUGHS}name: a", ["recipe.yaml: more than 10000 values", "aliases"]),
         (f"{MERGES}name: a", ["recipe.yaml: more than 10000 values", "aliases"]),
         (f"? {'[' * 20}a{']' * 20}\n: 1", ["recipe.yaml:1:1: a key is a name"]),
-        ("name: a\nmodel: &m {<<: *m}", ["recipe.yaml:2:8: `<<` merges in what it stands in itself"]),
+        ("name: a\nmodel: &m {<<: *m}", ["recipe.yaml:2:8: `<<` merges a mapping into itself"]),
         ("name: a\nmodel: {<<: null}", ["recipe.yaml:2:8: `<<` merges mappings in"]),
         ("a: " + 100_000 * "[", ["recipe.yaml: nested in more than 32 levels"]),
         ("a: " + 60 * "[" + 60 * "]", ["nested in more than 32 levels"]),

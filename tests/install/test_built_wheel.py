@@ -43,7 +43,7 @@ def test_it_holds_every_file_of_the_packages(wheel):
     assert packed == there
     assert {f"pcsr/weights/{name}.safetensors" for name in weights.names()} <= packed
     assert {"pcsr/report/web/page.css", "pcsr/report/web/page.js", "pcsr/py.typed", "pcsr_plugins/py.typed"} <= packed
-    assert "pcsr_plugins/touch/sensors.toml" in packed
+    assert "pcsr_plugins/touch/digit/sensors.toml" in packed
     assert any(name.startswith("pcsr/cli/templates/") for name in packed)
 
 

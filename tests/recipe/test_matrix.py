@@ -122,7 +122,7 @@ def test_a_matrix_varies_no_composition(write, axis):
     (made,) = compose(write(f"name: a\nmatrix: {{seed: [1], {axis}: [x, y]}}"))
     (mistake,) = made.mistakes
     assert (mistake.location.line, mistake.location.column) == (2, 21)
-    assert mistake.text == f"a matrix varies values, not '{axis}': write it beside the matrix"
+    assert mistake.text == f"a matrix cannot vary '{axis}': write it at the top level of the file"
 
 
 def test_a_study_is_laid_over_each_of_the_recipes_it_names(write):
@@ -159,8 +159,8 @@ def test_a_study_may_have_a_matrix_too(write):
 @pytest.mark.parametrize(
     ("recipes", "said"),
     [
-        ("one.yaml", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
-        ("[]", r"recipe\.yaml:2:10: recipes names recipe files in a list"),
+        ("one.yaml", r"recipe\.yaml:2:10: recipes must be a list of recipe files"),
+        ("[]", r"recipe\.yaml:2:10: recipes must be a list of recipe files"),
         ("[3]", r"recipe\.yaml:2:11: a recipe to compare is a file, or"),
         ("[{seed: 3}]", r"recipe\.yaml:2:\d+: a recipe to compare is a file, or"),
         ("[nothing.yaml]", r"recipe\.yaml:2:11: there is no recipe .*nothing\.yaml: it is relative to this file"),

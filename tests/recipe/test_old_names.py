@@ -14,7 +14,6 @@ from pcsr.recipe.old_names import KEYS, OPTIONS, as_in_0_1, modern_key
 from pcsr.recipe.source import RecipeError
 
 OLD = Path(__file__).parents[1] / "version_0_1"
-ROOT = Path(__file__).parents[2]
 FINGERPRINTS = {
     "0.001": "a5744904dcb1314e1d3f17f896a3635aa01bc9e4d6199d3c07fd65d930b03602",
     "0.002": "415afe9a6f7ea082f8f814951e1d5f054e005d167964588d1d31e2840c1ef6e8",
@@ -70,7 +69,7 @@ def test_a_card_of_0_1_means_the_network_that_it_meant(name, registry):
 @pytest.mark.parametrize("override", ["train.rate=0.5", "train={rate: 0.5}"])
 def test_an_old_key_on_the_command_line(override, registry):
     with pytest.warns(PcsrWarning, match=r"train\.rate is now train\.learning_rate"):
-        (recipe,) = load(ROOT / "recipes" / "smoke.yaml", registry, [override])
+        (recipe,) = load(Path("smoke"), registry, [override])
     assert recipe.train.learning_rate == 0.5
 
 

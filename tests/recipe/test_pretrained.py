@@ -57,7 +57,7 @@ def test_the_rate_is_that_of_the_weights_unless_the_recipe_says_another(write, r
     trained("data.rate=4", "data.points=64")
     made = one(write("name: a\nweights: w.safetensors\ndata: {touches: 1}"), registry)
     assert (made.data.rate, made.data.points, made.data.touches) == (4, 512, 1)
-    with pytest.raises(RecipeError, match=r"data.rate is 16, and the weights make 4"):
+    with pytest.raises(RecipeError, match=r"data.rate is 16, and the weights have rate 4"):
         load(write("name: a\nweights: w.safetensors\ndata: {rate: 16}"), registry)
 
 
@@ -87,7 +87,7 @@ DIFFERENT = {
         r'yaml:2:57: model.fusion.use is "attention", and the weights were trained with "blend"'
     ),
     "patches: {points: 32}": r'patches is {"points": 32, "rate": 4}, and the weights .* with null: leave out `patches`',
-    "data: {rate: 8}": r"yaml:2:14: data.rate is 8, and the weights make 16 points of each: take `rate: 16`",
+    "data: {rate: 8}": r"yaml:2:14: data.rate is 8, and the weights have rate 16: take `rate: 16`",
 }
 
 
@@ -185,12 +185,12 @@ def test_the_resolved_form_comes_back_and_holds_the_file_to_its_hash(write, regi
     again = write(json.dumps(plain), "again.yaml")
     assert one(again, registry) == made
     trained("train.epochs=8")
-    with pytest.raises(RecipeError, match=r"not those of this recipe: their hash is .*…, and it says .*: get those"):
+    with pytest.raises(RecipeError, match=r"have the hash .*…, but weights\.sha256 is .*: get the file with this hash"):
         load(again, registry)
 
 
 BAD = {
-    "3": r"yaml:2:10: weights are shipped ones \(.*tapsr.*\) or a file, got 3",
+    "3": r"yaml:2:10: weights must be shipped weights \(.*tapsr.*\) or a file, got 3",
     "''": 'or a file, got ""',
     "[a]": r"or a file, got \[\"a\"\]",
     "{sha256: x}": 'or a file, got {"sha256": "x"}',
@@ -221,7 +221,7 @@ def test_weights_that_change_after_the_recipe_was_read_are_refused(write, regist
     held = check_weights(made, registry)
     assert (held.recipe.name, held.sha256) == ("teacher", made.weights.sha256)
     slower = made.model_copy(update={"data": made.data.model_copy(update={"rate": 8})})
-    with pytest.raises(UserError, match=r"recipe 'a': data.rate is 8, and the weights make 16"):
+    with pytest.raises(UserError, match=r"recipe 'a': data.rate is 8, and the weights have rate 16"):
         check_weights(slower, registry)
     trained("train.epochs=8")
     with pytest.raises(UserError, match="have changed since the recipe 'a' was read"):

@@ -60,12 +60,12 @@ def test_aliases_and_merge_keys_are_plain_data():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a: [1, 2\nb: 3", "file:2:2: expected ',' or ']', but got ':': mend the YAML there"),
-        ("a: 'open", "file:1:9: found unexpected end of stream: mend the YAML there"),
-        ("\ta: 1", "file:1:1: found character '\\t' that cannot start any token: mend the YAML there"),
+        ("a: [1, 2\nb: 3", "file:2:2: expected ',' or ']', but got ':': correct the YAML there"),
+        ("a: 'open", "file:1:9: found unexpected end of stream: correct the YAML there"),
+        ("\ta: 1", "file:1:1: found character '\\t' that cannot start any token: correct the YAML there"),
         ("- a\n- b", "file:1:1: a recipe is a mapping: it starts with `name: …`"),
         ("", "file:1:1: a recipe is a mapping: it starts with `name: …`"),
-        ("a: 1\n---\nb: 2", "file:2:1: but found another document: mend the YAML there"),
+        ("a: 1\n---\nb: 2", "file:2:1: but found another document: correct the YAML there"),
         ("a: \x07", "file: not YAML: "),
         ("a: " + 400 * "[", "file"),
     ],
@@ -110,8 +110,8 @@ def test_what_is_not_plain_data_is_collected():
     [
         ("a: {<<: null}", "file:1:4: `<<` merges mappings in"),
         ("a: {<<: [1, 2]}", "file:1:4: `<<` merges mappings in"),
-        ("a: &a {<<: *a}", "file:1:4: `<<` merges in what it stands in itself"),
-        ("a: &a {b: {<<: *a}}", "file:1:11: `<<` merges in what it stands in itself"),
+        ("a: &a {<<: *a}", "file:1:4: `<<` merges a mapping into itself"),
+        ("a: &a {b: {<<: *a}}", "file:1:11: `<<` merges a mapping into itself"),
         ("? [a, b]\n: 1", "file:1:1: a key is a name"),
         ("a: !!binary aGk=", "file:1:4: recipes are plain data: remove the tag !!binary"),
         ("a: !!set {b, c}", "file:1:4: recipes are plain data: remove the tag !!set"),

@@ -71,7 +71,7 @@ def test_a_pose_is_what_its_key_says(pose, kind):
     ("pose", "line"),
     [
         (STILL | {"order": "xyz"}, "pose.order: it must be 'xyzw' or 'wxyz', got 'xyz'"),
-        (STILL | {"ordr": "xyz"}, "pose.ordr: unknown key: did you mean 'order'?"),
+        (STILL | {"ordr": "xyz"}, "pose takes no 'ordr': did you mean 'order'?"),
         (STILL | {"quaternion": [0, 0, 1]}, "pose.quaternion: it must be a list of 4 items or more"),
         (STILL | {"quaternion": [0, 0, 0, "1"]}, "pose.quaternion.3: it must be a number, got '1'"),
         (STILL | {"translation": [0, 0, float("nan")]}, "pose.translation.2: it must be a finite number, got nan"),
@@ -98,14 +98,14 @@ def test_each_mistake_has_a_line():
         "touches.json: frame is missing: add it",
         "touches.json: sensor is missing: add it",
         "touches.json: touches is missing: add it",
-        "touches.json: frames: unknown key: did you mean 'frame'?",
+        "touches.json: the file takes no 'frames': did you mean 'frame'?",
     ]
 
 
 def test_keys_of_a_camera_are_suggested_where_it_has_a_mistake():
     entry = {"depth": "a", "unit": "m", "intrinsics": CAMERA | {"fz": 1}, "face": 22, "contact_above": 0.1}
     assert mistakes(DepthEntry, entry, "touches.0") == [
-        "touches.json: touches.0.intrinsics.fz: unknown key: known: cx, cy, fx, fy"
+        "touches.json: touches.0.intrinsics takes no 'fz': known: cx, cy, fx, fy"
     ]
 
 

@@ -27,7 +27,7 @@ def reason(folder, touch, **head):
     [
         ({"cloud": "0.npy"}, "touches.1: pose is missing"),
         ({"cloud": None, "pose": STILL}, "touches.1.cloud: only a finger of a grasp"),
-        ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: no unit of that name"),
+        ({"cloud": "0.npy", "pose": STILL, "unit": "mile"}, "touches.1.unit: unknown unit: use m, cm"),
         ({"cloud": "0.npy", "pose": STILL | {"quaternion": [0, 0, 0, 0]}}, "pose.quaternion: its norm is 0, not 1"),
         ({"cloud": "0.npy", "pose": STILL | {"order": "wxzy"}}, "touches.1.pose.order: it must be 'xyzw' or"),
         ({"cloud": "9.npy", "pose": STILL}, "9.npy cannot be read: No such file"),
@@ -35,8 +35,8 @@ def reason(folder, touch, **head):
         ({"cloud": "/0.npy", "pose": STILL}, "file '/0.npy' is not inside"),
         ({"cloud": "touches.json", "pose": STILL}, "no cloud format '.json'"),
         ({"height": "0.npy", "pose": STILL}, "touches.1.mm_per_level is missing: add it; touches.json: touches.1.mm"),
-        ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it says cloud and depth: it needs one of"),
-        ("0.npy", "touches.1: it says none"),
+        ({"cloud": "0.npy", "depth": "0.npy"}, "touches.1: it has cloud and depth of the keys"),
+        ("0.npy", "touches.1: it has none of the keys"),
         ({"cloud": "0.npy", "pose": STILL, "contact_area": -1}, "touches.1.contact_area: it must be 0 or more, got -1"),
     ],
 )
@@ -48,7 +48,7 @@ def test_a_bad_entry_is_left_out_and_the_others_go_on(folder, touch, expected):
 
 def test_images_need_a_pose_in_any_frame(folder):
     entry = {"height": "0.npy", "mm_per_level": 1, "mm_per_pixel": 1, "contact_above": 0, "indentation": "positive"}
-    assert "pose is missing: where the sensor was" in reason(folder, entry, frame="object")
+    assert "pose is missing: an image is in the frame of the sensor; add it" in reason(folder, entry, frame="object")
 
 
 def test_where_nothing_is_of_use_all_reasons_are_given(folder):
@@ -61,22 +61,22 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (None, r"touches\.json cannot be read: No such file or directory: a recording has one"),
-        ("{", r"touches\.json is no JSON: .*line 1 column 2"),
-        (b"\xff", r"touches\.json is no JSON"),
-        ("[" * 100_000, r"touches\.json is no JSON"),
+        (None, r"touches\.json cannot be read: No such file or directory: every recording has one"),
+        ("{", r"touches\.json is not valid JSON: .*line 1 column 2"),
+        (b"\xff", r"touches\.json is not valid JSON"),
+        ("[" * 100_000, r"touches\.json is no manifest of touches: it is nested too deeply"),
         ("[]", r"touches\.json holds a list"),
-        ({"unit": "furlong"}, r"touches\.json: unit: no unit of that name: m, cm, mm, um, in, .*got 'furlong'"),
+        ({"unit": "furlong"}, r"touches\.json: unit: unknown unit: use m, cm, mm, um, in, .*got 'furlong'"),
         ({"unit": -1}, r"touches\.json: unit: it must be more than 0, got -1"),
         ({"unit": True}, r"touches\.json: unit: "),
-        ({"units": "m"}, r"touches\.json: units: no such key here: did you mean 'unit'\?"),
+        ({"units": "m"}, r"touches\.json: the file takes no 'units': did you mean 'unit'\?"),
         ({"format": 2}, r"touches\.json: format: it must be 1, got 2"),
         ({"frame": "world"}, r"touches\.json: frame: it must be 'sensor' or 'object', got 'world'"),
         ({"axes": "z"}, r"touches\.json: axes: "),
         ({"touches": []}, r"touches\.json: touches: "),
         ({"pose_to": "world"}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
         ({"object_pose": STILL}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
-        ({"layout": {"name": "smith-2020"}}, "says touches and layout"),
+        ({"layout": {"name": "smith-2020"}}, "it has the keys touches and layout: remove one"),
     ],
 )
 def test_a_manifest_with_mistakes_is_refused_as_a_whole(folder, text, expected):
@@ -103,7 +103,7 @@ def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
     [
         ({"name": "smith2020"}, "layout.name: no layout 'smith2020': did you mean 'smith-2020'"),
         ({}, "layout.name: no layout None"),
-        ({"name": "smith-2020", "pre": "grasp"}, "layout.pre: no such key here: did you mean 'per'"),
+        ({"name": "smith-2020", "pre": "grasp"}, "layout takes no 'pre': did you mean 'per'"),
         ({"name": "smith-2020"}, "holds no <grasp>.npy"),
         (7, "layout: it must be a mapping"),
     ],

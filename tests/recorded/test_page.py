@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, check_entry, checked
+from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
 from pcsr.recorded.pose import rotation_from, sensor_to_object
-from pcsr_plugins.touch.recorded import Recorded
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recorded.md").read_text(encoding="utf-8")
 EXAMPLES = [json.loads(text) for text in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)]
@@ -18,7 +17,7 @@ EXAMPLES = [json.loads(text) for text in re.findall(r"```json\n(.*?)```", PAGE, 
 def test_the_examples_of_the_page_are_right():
     manifests = [example for example in EXAMPLES if "touches" in example]
     for example in manifests:
-        recorded = checked(Recorded, example, "")
+        recorded = checked(RecordingManifest, example, "")
         for index, value in enumerate(recorded.touches):
             entry = check_entry(value, f"touches.{index}")
             fingers = entry.fingers if isinstance(entry, GraspEntry) else [value]
@@ -48,5 +47,5 @@ def test_the_page_names_every_layout_and_key():
         section = PAGE.split(f"### {name}\n")[1].split("\n## ")[0].split("\n### ")[0]
         for key in options.model_fields:
             assert f'"{key}"' in section or f"`{key}`" in section, f"{name}: {key}"
-    for key in {**Recorded.model_fields, **UNITS}:
+    for key in {**RecordingManifest.model_fields, **UNITS}:
         assert f"`{key}`" in PAGE

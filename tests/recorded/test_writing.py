@@ -88,14 +88,17 @@ def test_a_recording_that_was_not_finished_has_no_manifest_and_can_be_written_ag
 @pytest.mark.parametrize(
     ("touches", "expected"),
     [
-        ([], r"one unit, got \[\]"),
-        ([one_touch(), one_touch(unit=2.0, poses=np.zeros((0, 4, 4)))], r"one unit, got \[1.0, 2.0\]"),
+        ([], r"must have the same unit, got units of \[\]"),
+        (
+            [one_touch(), one_touch(unit=2.0, poses=np.zeros((0, 4, 4)))],
+            r"must have the same unit, got units of \[1.0, 2.0\]",
+        ),
         ([one_touch(points=CLOUD * np.nan)], "touch 0 by 'x' cannot be recorded"),
         ([one_touch(points=CLOUD[:0], finger=np.zeros(0, np.int64))], "cannot be recorded: it has 0 points"),
         ([one_touch(finger=np.array([0, 1]))], "of 2 fingers and 1 poses"),
         ([one_touch(contact_area=float("nan"))], "its contact area is nan"),
         ([one_touch(poses=2 * np.eye(4)[None])], "touch 0: pose 0: its last row"),
-        ([one_touch(unit=5.0)], "touch 0: pose 0 scales by 1, .* by 0.2"),
+        ([one_touch(unit=5.0)], "touch 0: pose 0 scales by 1, .* require 0.2"),
     ],
 )
 def test_touches_that_could_not_be_read_again_are_not_written(tmp_path, touches, expected):
@@ -112,7 +115,7 @@ def test_each_touch_needs_a_name_or_none_does(tmp_path):
 def test_a_file_of_somebody_elses_is_never_overwritten(tmp_path):
     (tmp_path / "0.ply").write_text("a mesh")
     for overwrite in (False, True):
-        with pytest.raises(UserError, match=r"0\.ply is there already and of no recording"):
+        with pytest.raises(UserError, match=r"0\.ply exists already and belongs to no recording"):
             write(tmp_path, [one_touch()], overwrite=overwrite)
     assert (tmp_path / "0.ply").read_text() == "a mesh"
     assert not (tmp_path / MANIFEST).exists()

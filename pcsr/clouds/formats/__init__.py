@@ -1,4 +1,4 @@
-"""Clouds as files: PLY, PCD, text, CSV, NumPy's, LAS, and meshes' vertices. Coordinates are doubles."""
+"""Readers and writers of cloud files: PLY, PCD, text, CSV, NumPy, LAS, and meshes, of which the vertices are read."""
 
 import textwrap
 from collections.abc import Callable, Mapping
@@ -58,11 +58,11 @@ MEMORY = {
     ".stl": 11.0,
     ".laz": 14.0,
 }
-"""What reading a file takes at its peak, in sizes of the file: measured on a million points."""
+"""Peak memory of reading a file, relative to the size of the file, measured on a million points."""
 LONGEST = 500
-"""The longest reason in a message, in characters."""
+"""Longest reason in a message, in characters."""
 LEAST_MEMORY = 3.0
-"""The same for all other kinds."""
+"""Peak memory of reading a file of a kind that `MEMORY` does not list, relative to the size of the file."""
 
 
 def _points_of(read: Callable[[bytes], Cloud]) -> Callable[[bytes], np.ndarray]:
@@ -76,19 +76,20 @@ WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS}
 
 
 def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
-    """A whole cloud from a file, by its suffix: points, colours, normals and every other column.
-
-    Of a mesh, the vertices. In the file's own frame and unit.
+    """Read a cloud with all of its columns from a file; of a mesh, the vertices. The suffix sets the format.
 
     Args:
-        path: the file.
-        suffix: of which kind it is, ".ply" for one; by default its own.
-        bad: what to do with rows whose coordinates are not finite: refuse the file, or leave them out and
-            put their number into `about["dropped"]`.
+        path: path of the file.
+        suffix: suffix that sets the format, such as ".ply"; that of the path by default.
+        bad: refuse a file with coordinates that are not finite, or drop these rows and put their number into
+            `about["dropped"]`.
+
+    Returns:
+        The cloud, in the frame and unit of the file.
 
     Raises:
-        UserError: no such file, an unknown suffix or one of another kind, a file that is damaged or holds no
-            points, or points that are not finite.
+        UserError: the file does not exist, has an unknown suffix, is damaged or of another format, holds no points,
+            or holds points that are not finite.
     """
     suffix = suffix or path.suffix
     _by_suffix(suffix, CLOUD_READERS, str(path))
@@ -98,17 +99,17 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", 
 def read_cloud_pipe(
     file: Readable, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse", most: int = LARGEST_PIPE
 ) -> Cloud:
-    """What `read_cloud` reads, from a pipe: all of it, up to its end.
+    """Read a cloud from a pipe, up to its end.
 
     Args:
-        file: the pipe.
-        suffix: of which kind its content is: ".ply".
-        name: what messages call it.
+        file: pipe to read.
+        suffix: suffix of the format, such as ".ply".
+        name: name of the pipe, for messages.
         bad: as in `read_cloud`.
-        most: bytes that are read at most.
+        most: largest number of bytes to read.
 
     Raises:
-        UserError: as `read_cloud`, or the pipe does not end.
+        UserError: as `read_cloud`, or the pipe has more than `most` bytes.
     """
     _by_suffix(suffix, CLOUD_READERS, name)
     data = read_pipe(
@@ -118,12 +119,12 @@ def read_cloud_pipe(
 
 
 def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
-    """What `read_cloud` reads, from memory: what came through a pipe, say.
+    """Read a cloud from the bytes of a file.
 
     Args:
-        data: the content of a file.
-        suffix: of which kind it is: ".ply".
-        name: what messages call it.
+        data: content of the file.
+        suffix: suffix of the format, such as ".ply".
+        name: name of the file, for messages.
         bad: as in `read_cloud`.
 
     Raises:
@@ -144,11 +145,11 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
 
 
 def writable(path: Path) -> None:
-    """Check that clouds can be written by the suffix of `path`, before the work that makes one.
+    """Check that a cloud can be written to a path, before it is computed.
 
     Raises:
-        UserError: they can't: the suffix is unknown or only read, a library is missing, or the path is that of a
-            folder, a device, a pipe or a socket.
+        UserError: the suffix is unknown or can only be read, a library is missing, or the path is a folder, a device,
+            a pipe or a socket.
     """
     check_target(path)
     _by_suffix(path.suffix, CLOUD_WRITERS, str(path))
@@ -159,13 +160,14 @@ def writable(path: Path) -> None:
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:
-    """Write a cloud by the suffix of `path`, whole or not at all.
+    """Write a cloud to a file, completely or not at all. The suffix of `path` sets the format.
 
-    What the format can't hold takes the nearest type that it has; where that would lose numbers it is refused.
-    Text and .npy have one kind of number or two, and .npy no names.
+    Types of columns that the format lacks are converted to the closest type; a column that would lose precision is
+    refused. Text and `.npy` have one or two types of numbers, and `.npy` has no names of columns.
 
     Raises:
-        UserError: a suffix that cannot be written, no points, or coordinates that are not finite.
+        UserError: the suffix cannot be written, there are no points, a column does not fit the format, or a coordinate
+            is not finite.
         RunError: the file cannot be written.
     """
     data = _encoded(cloud, path.suffix, str(path))
@@ -173,7 +175,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
 
 
 def cloud_bytes(cloud: Cloud, suffix: str) -> bytes:
-    """What `write_cloud` writes, in memory; `suffix` is the kind of file: ".ply".
+    """Return the bytes of a cloud file; `suffix` sets the format, such as ".ply".
 
     Raises:
         UserError: as `write_cloud`.
@@ -182,13 +184,13 @@ def cloud_bytes(cloud: Cloud, suffix: str) -> bytes:
 
 
 def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
-    """The points of a file, by its suffix; of a mesh, its vertices. In the file's own frame and unit.
+    """Read the points of a file, in its frame and unit. The suffix sets the format.
 
-    Text has three numbers or more on a line, parted by white space or commas; lines that start with # or //
-    are comments. A first line of names is allowed, and where x, y and z are among them they are what is read.
+    Lines of text hold three numbers or more, separated by white space or commas. Lines that start with # or // are
+    comments. The first line may hold names; if x, y and z are among them, these columns are read.
 
     Raises:
-        UserError: no such file, an unknown suffix, a file that is damaged or holds no points, or points that
+        UserError: the file does not exist, has an unknown suffix, is damaged, holds no points, or holds points that
             are not finite.
     """
     _by_suffix(path.suffix, READERS, str(path))
@@ -196,10 +198,10 @@ def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
 
 
 def write_points(path: Path, points: Float[np.ndarray, "n 3"]) -> None:
-    """Write points by the suffix of `path`, whole or not at all; reading gives the same doubles.
+    """Write points to a file, completely or not at all. Reading the file returns the same doubles.
 
     Raises:
-        UserError: an unknown suffix, no points, or points that are not finite.
+        UserError: the suffix is unknown, there are no points, or points are not finite.
         RunError: the file cannot be written.
     """
     encode = _by_suffix(path.suffix, WRITERS, str(path))
@@ -233,12 +235,12 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
     suffix = suffix.lower()
     check_start(data[:HEAD], suffix, name)
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what no double holds is not finite: looked at later
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond doubles are found later, as not finite
             return read(data)
     except UserError as error:
-        reason = str(error)  # with names and numbers of the file, however long they are
+        reason = str(error)  # may quote long names and numbers from the file
         raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
-    except Exception as error:  # the readers raise whatever a malformed file makes them trip over
+    except Exception as error:  # malformed files make the readers raise errors of any type
         reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
         reason = textwrap.shorten(reason, 200) or type(error).__name__
         raise UserError(f"{name} cannot be read as a {suffix} file: {reason}") from error
@@ -255,7 +257,7 @@ def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:
 
 def _checked(points: np.ndarray, name: str, remedy: str = "") -> Float[np.ndarray, "n 3"]:
     if points.size and (points.ndim != 2 or points.shape[1] < 3):
-        raise UserError(f"{name} holds an array of shape {points.shape}: points are (n, 3)")
+        raise UserError(f"{name} holds an array of shape {points.shape}: points have shape (n, 3)")
     points = points[:, :3] if points.size else np.zeros((0, 3))
     check_cloud(points, name, remedy=remedy)
     return points

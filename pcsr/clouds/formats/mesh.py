@@ -1,10 +1,10 @@
-"""Meshes as clouds: the vertices of OBJ, OFF, STL and GLB, with their colours and normals."""
+"""Readers of OBJ, OFF, STL and GLB files as clouds of vertices with colours and normals; writer of OBJ files."""
 
 import logging
 import re
 import warnings
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,20 +15,17 @@ from pcsr.clouds.formats.digits import check_lines, load_rows, words
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
 
-if TYPE_CHECKING:
-    pass
-
-logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it finds odd goes to the terminal
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings are printed
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
-"""Kinds of files that meshes are read from."""
+"""Suffixes of mesh files."""
 MEMORY = 11.0
-"""What reading a mesh takes at its peak, in sizes of the file."""
+"""Peak memory of reading a mesh, relative to the size of the file."""
 NORMAL_OF_CORNER = re.compile(r"(?<=\s)(-?\d+)/\d*/(-?\d+)")
 OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
 
 
 def read_obj(data: bytes) -> Cloud:
-    """The lines `v`, with colours as they stand; normals where there is one for each vertex, in the same order."""
+    """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order."""
     check_lines(data)
     text = data.decode("utf-8-sig", "surrogateescape")
     rows = load_rows("\n".join(re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
@@ -36,9 +33,9 @@ def read_obj(data: bytes) -> Cloud:
         raise UserError("it holds no points")
     if rows.shape[1] not in (3, 4, 6, 7):
         raise UserError(f"its vertices have {rows.shape[1]} numbers each: 3 are needed, 6 or 7 with colours")
-    columns = _named(COLOURS, rows[:, 3:]) if rows.shape[1] > 4 else {}  # a fourth of four is a weight
+    columns = _named(COLOURS, rows[:, 3:]) if rows.shape[1] > 4 else {}  # the last of four numbers is a weight
     normals = load_rows("\n".join(re.findall(r"^[ \t]*vn[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
-    # Faces may give a vertex one normal here and another there: then it has none of its own.
+    # Faces may use different normals for one vertex, which then has none.
     own = all(vertex == normal for vertex, normal in NORMAL_OF_CORNER.findall(text))
     if normals.shape == (len(rows), 3) and own:
         columns |= _named(NORMALS, normals)
@@ -46,12 +43,12 @@ def read_obj(data: bytes) -> Cloud:
 
 
 def read_off(data: bytes) -> Cloud:
-    """The vertices, with the normals of NOFF and the colours of COFF."""
+    """Read the vertices of an OFF file, with the normals of NOFF and the colours of COFF."""
     check_lines(data)
     text = re.sub(r"#.*", "", data.decode("utf-8-sig"))
     header = OFF_HEADER.match(text)
     if not header:
-        raise UserError("it does not begin with 'OFF', or is a binary one: convert it to text")
+        raise UserError("it does not begin with 'OFF', or is binary: convert it to text")
     counts = re.compile(r"\s*(\d+)[ \t]+(\d+)(?:[ \t]+\d+)?[ \t]*(?:\r?\n|$)").match(text, header.end())
     if not counts:
         raise UserError("its second line must be the numbers of vertices, faces and edges")
@@ -73,14 +70,14 @@ def read_off(data: bytes) -> Cloud:
 
 
 def read_stl(data: bytes) -> Cloud:
-    """The corners of the triangles, each once: STL repeats them for every face."""
+    """Read the vertices of an STL file. The format repeats a vertex for each face; duplicates are removed."""
     cloud = _loaded(data, "stl")
     _, first = np.unique(cloud.points, axis=0, return_index=True)
     return Cloud(cloud.points[np.sort(first)])
 
 
 def read_glb(data: bytes) -> Cloud:
-    """The vertices of all meshes and clouds of a scene, each in its place."""
+    """Read the vertices of all meshes and clouds of a GLB scene, with the transforms of the scene."""
     return _loaded(data, "glb")
 
 
@@ -101,19 +98,19 @@ def _loaded(data: bytes, kind: str) -> Cloud:
 
 
 def load_scene(data: bytes, kind: str) -> Any:
-    """The `trimesh.Scene` in the bytes of a mesh file; `kind` is its suffix without the dot."""
+    """Return the `trimesh.Scene` in the bytes of a mesh file; `kind` is the suffix without the dot."""
     import trimesh
 
     if kind == "glb":
         check_scene(data)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what trimesh finds odd
-        # From memory, so that no file beside it is looked for; unprocessed, so that no vertex is merged or dropped.
+        warnings.simplefilter("ignore")  # of trimesh
+        # From memory, so that no other file is opened; unprocessed, so that no vertex is merged or dropped.
         return trimesh.load_scene(BytesIO(data), file_type=kind, process=False, skip_materials=True)
 
 
 def _columns(part: Any, pose: Float[np.ndarray, "3 3"]) -> dict[str, np.ndarray]:
-    """The colours and normals that the file has: trimesh makes up both where there are none."""
+    """Return the colours and normals of the file. Defaults that trimesh generates are left out."""
     columns: dict[str, np.ndarray] = {}
     n = len(part.vertices)
     visual = getattr(part, "visual", None)
@@ -122,7 +119,7 @@ def _columns(part: Any, pose: Float[np.ndarray, "3 3"]) -> dict[str, np.ndarray]
         columns |= _named(COLOURS, colours)
     cache = getattr(part, "_cache", None)
     if cache is not None and np.shape(cache.cache.get("vertex_normals")) == (n, 3):
-        # Where a scene is stretched normals are not: they stay upright on their surface.
+        # Normals transform by the inverse transpose, so that they stay perpendicular in scaled scenes.
         normals = np.asarray(cache.cache["vertex_normals"], np.float64) @ np.linalg.inv(pose)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         columns |= _named(NORMALS, normals / np.where(length > 0, length, 1))
@@ -134,18 +131,18 @@ def _named(names: tuple[str, ...], block: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def write_obj(cloud: Cloud) -> bytes:
-    """Vertices, with colours from 0 to 1 and normals; there are no faces.
+    """Encode a cloud as an OBJ file without faces: vertices with colours from 0 to 1, and normals.
 
     Raises:
-        UserError: there are other columns, which an OBJ does not hold.
+        UserError: the cloud has columns that the format cannot hold.
     """
     columns = spread(cloud.columns, rest=True)
     colours = [columns.pop(name) for name in COLOURS if name in columns]
     normals = [columns.pop(name) for name in NORMALS if name in columns]
     if columns or len(normals) not in (0, 3) or len(colours) not in (0, 3, 4):
         raise UserError(
-            f"an .obj holds whole colours and normals beside the points, no columns {', '.join(columns) or 'else'}: "
-            "write a .ply"
+            f"an .obj holds points, complete colours and complete normals, not the columns "
+            f"{', '.join(columns) or 'of this cloud'}: write a .ply"
         )
     shares = [each / np.iinfo(each.dtype).max if each.dtype.kind in "iu" else each for each in colours]
     lines = ["v " + " ".join(row) + "\n" for row in zip(*map(words, [*cloud.points.T, *shares]), strict=True)]

@@ -1,4 +1,4 @@
-"""Folders as others lay them out, one file a layout. docs/recorded.md describes each."""
+"""Readers of the folder layouts of published data sets, one file for each. docs/recorded.md describes them."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,18 +19,18 @@ LAYOUTS: dict[str, tuple[type[Strict], Read]] = {
     "smith-2020": (smith_2020.Options, smith_2020.read),
     "ycb-slide": (ycb_slide.Options, ycb_slide.read),
 }
-"""Of each layout its options, and what reads it."""
+"""Layouts by name: model of the options, and reader."""
 
 
 def read(folder: Path, layout: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
-    """Each touch of a folder with its name, or the reason why it is none.
+    """Read the touches of a folder: yield the name of each, with the touch or the reason why it is unusable.
 
     Args:
-        folder: with the files of one object.
-        layout: what the manifest says: its name, and options of its own.
+        folder: folder with the files of one object.
+        layout: name and options of the layout, from the manifest.
 
     Raises:
-        UserError: an unknown layout, wrong options, or a folder that holds nothing of it.
+        UserError: the layout is unknown, its options have mistakes, or the folder holds no files of this layout.
     """
     name = layout.get("name")
     if not isinstance(name, str) or name not in LAYOUTS:

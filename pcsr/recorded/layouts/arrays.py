@@ -1,4 +1,4 @@
-"""What layouts of pickled arrays share: numbers checked, files in order, and the fingers of a grasp joined."""
+"""Helpers of the layouts with pickled arrays: numbers are checked, files sorted, fingers joined to grasps."""
 
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,16 +13,16 @@ from pcsr.errors import UserError
 from pcsr.limits import MOST_TOUCHED_POINTS
 
 METRE = 1000.0
-"""A metre in millimetres."""
+"""Length of a metre in mm."""
 
 
 def joined(name: str, fingers: Callable[[], Sequence[Touch | None]], per: str) -> Iterator[tuple[str, Touch | str]]:
-    """A grasp as one touch or as one for each finger.
+    """Yield a grasp as one touch, or as one touch for each finger; instead of an unusable one, the reason.
 
     Args:
-        name: of the grasp.
-        fingers: gives the touch of each finger, None where it touched nothing; may refuse with a `UserError`.
-        per: "grasp" or "finger".
+        name: name of the grasp.
+        fingers: returns the touch of each finger, or None for a finger without contact. May raise a `UserError`.
+        per: `"grasp"` or `"finger"`.
     """
     try:
         gathered = fingers()
@@ -31,53 +31,53 @@ def joined(name: str, fingers: Callable[[], Sequence[Touch | None]], per: str) -
         return
     if per == "finger":
         for number, touch in enumerate(gathered):
-            yield f"{name}/{number}", touch or "this finger felt nothing"
+            yield f"{name}/{number}", touch or "this finger has no contact"
         return
     touched = [touch for touch in gathered if touch is not None]
-    yield name, Touch.grasp(touched) if touched else f"none of its {len(gathered)} fingers felt anything"
+    yield name, Touch.grasp(touched) if touched else f"none of its {len(gathered)} fingers has any contact"
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
-    """By name; numbers first, by their value."""
+    """Sort files by name; numbers come first, by their value."""
 
-    def place(path: Path) -> tuple[float, str]:
+    def key(path: Path) -> tuple[float, str]:
         return float(path.stem) if path.stem.isdecimal() else np.inf, path.name
 
-    return sorted(paths, key=place)
+    return sorted(paths, key=key)
 
 
 def numbers(value: Any, shape: tuple[int | None, ...], name: str, *, finite: bool = True) -> Float[np.ndarray, "..."]:
-    """What a pickle holds, as numbers.
+    """Convert a value from a pickle to an array of doubles.
 
     Args:
-        value: lists or an array.
-        shape: that it must have; None in it: any length.
-        name: for messages.
-        finite: whether all must be.
+        value: nested lists or an array.
+        shape: expected shape, where None stands for any length.
+        name: name of the value, for messages.
+        finite: refuse numbers that are not finite.
 
     Raises:
-        UserError: they are none, not finite, or of another shape.
+        UserError: the value is not numeric, has another shape, or holds numbers that are not finite.
     """
     _check_count(value, name)
     try:
         array = np.asarray(value)
-    except (ValueError, OverflowError, TypeError) as error:  # lists of unequal length, or numbers that are none
+    except (ValueError, OverflowError, TypeError) as error:  # lists of unequal length, or items that are not numbers
         raise UserError(f"{name} holds no array of numbers: {textwrap.shorten(str(error), 100)}") from error
     if array.dtype.kind not in "biuf":
-        raise UserError(f"{name} holds {array.dtype}, no numbers")
+        raise UserError(f"{name} holds {array.dtype}, not numbers")
     if array.size == 0 and shape[0] is None:
         array = array.reshape(0, *(n or 0 for n in shape[1:]))
     fits = array.ndim == len(shape) and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
     if not fits:
         wanted = ", ".join("n" if n is None else str(n) for n in shape)
-        raise UserError(f"{name} must have shape ({wanted}), and has {array.shape}")
+        raise UserError(f"{name} must have shape ({wanted}), got {array.shape}")
     if finite and not np.isfinite(array).all():
         raise UserError(f"{name}: {np.count_nonzero(~np.isfinite(array))} of {array.size} numbers are not finite")
     return array.astype(np.float64)
 
 
 def _check_count(value: Any, name: str) -> None:
-    """Refuse nested lists that are small in their file, as parts of them are one and the same, and endless in full."""
+    """Refuse nested lists that repeat the same inner lists, so that a small file would expand to a huge array."""
     counts: dict[int, int] = {}
 
     def count(one: Any) -> int:
@@ -92,4 +92,4 @@ def _check_count(value: Any, name: str) -> None:
     except RecursionError as error:
         raise UserError(f"{name} is nested too deeply") from error
     if numbers > MOST_TOUCHED_POINTS:
-        raise UserError(f"{name} holds {numbers} numbers, and {MOST_TOUCHED_POINTS} are the most")
+        raise UserError(f"{name} holds {numbers} numbers, more than {MOST_TOUCHED_POINTS}")

@@ -1,6 +1,6 @@
-"""The layout `gsrobotics`: clouds that GelSight's own program saves, `pc_<n>.pcd`, one for each press.
+"""The layout `gsrobotics`: clouds saved by GelSight's software, `pc_<n>.pcd`, one for each press.
 
-They hold every pixel of the image, with x to the right, y down and the height, all in pixels.
+A cloud has a point for each pixel of the image: x to the right, y down, and the height, all in pixels.
 """
 
 import re
@@ -18,25 +18,25 @@ from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 
 class Options(Strict):
-    """What the manifest says of this layout."""
+    """Options of this layout in the manifest."""
 
     mm_per_pixel: Positive
     indentation: Sign
-    """Whether the heights of what presses in are positive or negative."""
+    """Sign of the heights where an object presses into the gel."""
     contact_above: NotNegative
-    """Contact begins at this indentation, in mm."""
+    """Indentation above which a pixel is in contact, in mm."""
     poses: dict[str, Pose]
-    """By the number in the file's name. The sensor's origin is the middle of the gel's face."""
+    """Poses by the number in the file's name. The sensor's origin is the middle of the gel's face."""
     unit: Length
-    """Of the poses."""
+    """Unit of the poses."""
     object_unit: Length
     axes: Axis = "-z"
-    """Along which of its own axes the sensor of the poses looks."""
+    """Axis of the poses' sensor frame along which the sensor looks."""
     sensor: str = "gelsight-mini"
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
-    """Each cloud with a pose, in the object's frame and unit.
+    """Read each cloud that has a pose, in the object's frame and unit.
 
     Raises:
         UserError: the folder holds no cloud.
@@ -48,7 +48,7 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
         name = f"pc_{number}.pcd"
         try:
             if number not in files:
-                raise UserError(f"{folder / name} is not there, and layout.poses.{number} is its pose")
+                raise UserError(f"{folder / name} does not exist, but layout.poses.{number} is its pose: remove one")
             if number not in options.poses:
                 raise UserError(f"layout.poses has no pose for number {number}: add it")
             yield name, _touch(files[number], number, options)
@@ -57,14 +57,14 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
 
 
 def _touch(path: Path, number: str, options: Options) -> Touch:
-    ours = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ rotation_from(options.axes)
+    pose = sensor_to_object(options.poses[number], options.unit, options.object_unit) @ rotation_from(options.axes)
     touched = _contact(read_points(path), options, path)
     area = len(touched) * options.mm_per_pixel**2
-    return Touch.single(transformed(ours, touched), ours, options.object_unit, options.sensor, area)
+    return Touch.single(transformed(pose, touched), pose, options.object_unit, options.sensor, area)
 
 
 def _contact(pixels: Float[np.ndarray, "n 3"], options: Options, path: Path) -> Float[np.ndarray, "m 3"]:
-    """The points in contact, in pcsr's sensor frame: y up, and z above 0 where the object presses in."""
+    """Return the contact points in pcsr's sensor frame: y up, and z above 0 where the object presses in."""
     middle = (pixels[:, :2].min(axis=0) + pixels[:, :2].max(axis=0)) / 2
     x, down = ((pixels[:, :2] - middle) * options.mm_per_pixel).T
     z = pixels[:, 2] * options.mm_per_pixel * (1 if options.indentation == "positive" else -1)

@@ -1,8 +1,8 @@
 """The layout `normalflow`: trials of a GelSight sensor that is tracked over an object (Huang et al., 2024).
 
-`gradient_maps.npy` holds the slopes of the gel in each frame, `contact_masks.npy` where it is in contact, and
-`*_start_T_currs.npy` the sensor's motion since the first frame, in metres. The sensor's frame there has x to the
-image's right, y down and z into the object; what presses in has heights below 0.
+`gradient_maps.npy` holds the slopes of the gel in each frame, `contact_masks.npy` the masks of contact, and
+`*_start_T_currs.npy` the sensor's motion since the first frame, in metres. The sensor frame of this layout has x to
+the right of the image, y down and z into the object. Heights are negative where an object presses into the gel.
 """
 
 from collections.abc import Iterator
@@ -26,26 +26,26 @@ from pcsr.recorded.pose import check_matrix, offset_z, rotation_from, sensor_to_
 
 
 class Options(Strict):
-    """What the manifest says of this layout."""
+    """Options of this layout in the manifest."""
 
     mm_per_pixel: Positive
     start: Pose
-    """Of the first frame: from the sensor's frame as the trial has it, its origin on the untouched gel's face."""
+    """Pose of the sensor frame of this layout in the first frame; its origin lies on the face of the untouched gel."""
     unit: Length
-    """Of `start`."""
+    """Unit of `start`."""
     object_unit: Length
     poses: str | None = None
-    """The file of motions, where there is more than one."""
+    """File of the motions. It is needed only if the folder holds several."""
     sensor: str = "gelsight-mini"
     every: Annotated[int, Field(ge=1)] = 1
-    """Every so-many-th frame is a touch."""
+    """Step between the frames that are read; 1 reads every frame."""
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
-    """Each frame, in the object's frame and unit.
+    """Read the frames, in the object's frame and unit.
 
     Raises:
-        UserError: a file is not there, or damaged, or they do not fit together.
+        UserError: a file is missing or damaged, or the shapes of the files do not agree.
     """
     gradients = _mapped(folder / "gradient_maps.npy", "(n, h, w, 2)", 4)
     masks = _mapped(folder / "contact_masks.npy", "(n, h, w)", 3)
@@ -53,15 +53,15 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
     motions = _mapped(path, "(n, 4, 4)", 3)
     shapes = gradients.shape, masks.shape, motions.shape
     if masks.shape[1] * masks.shape[2] > MOST_PIXELS:
-        raise UserError(f"{folder}: its frames have shape {masks.shape[1:]}, and {MOST_PIXELS} pixels are the most")
+        raise UserError(f"{folder}: its frames have shape {masks.shape[1:]}, more than {MOST_PIXELS} pixels")
     if not gradients.size:
-        raise UserError(f"{folder}: gradient_maps.npy of shape {gradients.shape} holds nothing")
+        raise UserError(f"{folder}: gradient_maps.npy of shape {gradients.shape} is empty")
     if gradients.shape[3] != 2 or masks.shape != gradients.shape[:3] or motions.shape != (len(masks), 4, 4):
         raise UserError(f"{folder}: gradients, masks and poses of shapes {shapes} do not fit together")
     if len(masks) == 0:
         raise UserError(f"{folder}: the trial has no frame")
-    # Heights are known up to a constant, which is another in each frame; the motions are of surfaces whose
-    # heights are 0 on average. So each frame's origin is moved from that average to the gel's face.
+    # Integrated heights are known up to a constant, which differs between frames, and the motions refer to surfaces
+    # of mean height 0. Each frame's origin is therefore moved from the mean height to the gel's face.
     first_face = _surface(gradients[0], masks[0], options.mm_per_pixel)[1]
     start = sensor_to_object(options.start, options.unit, options.object_unit) @ offset_z(-first_face)
     for index in range(0, len(masks), options.every):
@@ -79,20 +79,20 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
 
 
 def integrated(gradients: Float[np.ndarray, "h w 2"]) -> Float[np.ndarray, "h w"]:
-    """The surface whose slopes are nearest to `gradients`, by least squares; 0 on average.
+    """Return the surface of mean height 0 whose slopes fit `gradients` by least squares.
 
-    The step between two pixels is the mean of their slopes. The normal equations of all steps are a Poisson
-    equation with free edges, which the cosine transform solves pixel by pixel.
+    The height difference of two neighbouring pixels is the mean of their slopes. The normal equations of all
+    differences are a Poisson equation with free (Neumann) edges, which the cosine transform diagonalizes.
 
     Args:
-        gradients: along x (columns) and y (rows), in height for each pixel.
+        gradients: slopes along x (columns) and y (rows), in height per pixel.
     """
     h, w = gradients.shape[:2]
     across = (gradients[:, 1:, 0] + gradients[:, :-1, 0]) / 2
     down = (gradients[1:, :, 1] + gradients[:-1, :, 1]) / 2
     right = -np.diff(np.pad(across, ((0, 0), (1, 1))), axis=1) - np.diff(np.pad(down, ((1, 1), (0, 0))), axis=0)
     waves = 2 - 2 * np.cos(np.pi * np.arange(h) / h)[:, None] + 2 - 2 * np.cos(np.pi * np.arange(w) / w)
-    waves[0, 0] = 1  # the average, which no slope tells
+    waves[0, 0] = 1  # the mean, which slopes do not determine
     spectrum = fft.dctn(right, norm="ortho") / waves
     spectrum[0, 0] = 0
     surface: Float[np.ndarray, "h w"] = fft.idctn(spectrum, norm="ortho")
@@ -102,7 +102,7 @@ def integrated(gradients: Float[np.ndarray, "h w 2"]) -> Float[np.ndarray, "h w"
 def _surface(
     gradients: Float[np.ndarray, "h w 2"], mask: np.ndarray, mm_per_pixel: float
 ) -> tuple[Float[np.ndarray, "h w"], float]:
-    """A frame's heights in mm, and that of the gel's face among them: the median where nothing touches."""
+    """Return a frame's heights and the height of the gel's face, the median of pixels without contact, in mm."""
     slopes = np.asarray(gradients, np.float64)
     if not np.isfinite(slopes).all():
         raise UserError("a slope in gradient_maps.npy is not finite")
@@ -125,7 +125,7 @@ def _poses(folder: Path, name: str | None) -> Path:
 
 
 def _mapped(path: Path, shape: str, dimensions: int) -> np.ndarray:
-    """An array that stays in its file until it is looked at."""
+    """Return an array that is mapped into memory and read on demand."""
     check_file(path)
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)

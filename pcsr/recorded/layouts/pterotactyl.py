@@ -1,7 +1,7 @@
 """The layout `pterotactyl`: grasps of Active-3D-Vision-and-Touch (Smith et al., 2021), a folder for each object.
 
-`<action>/<finger>_points.npy` holds the touched points of a finger, in the object's frame and in metres, and
-`<action>/<finger>_ref_frame.npy`, which is pickled, says where its camera was.
+`<action>/<finger>_points.npy` holds the touched points of a finger, in the object's frame and in metres, and the
+pickled file `<action>/<finger>_ref_frame.npy` holds the pose of its camera.
 """
 
 from collections.abc import Iterator
@@ -21,16 +21,16 @@ from pcsr.recorded.pose import check_matrix, in_object, offset_z, rotation_from
 
 
 class Options(Strict):
-    """What the manifest says of this layout."""
+    """Options of this layout in the manifest."""
 
     per: Literal["grasp", "finger"] = "grasp"
-    """Whether all fingers of a grasp make one touch, or each finger makes its own."""
+    """One touch for each grasp, with all of its fingers, or one for each finger."""
     face: Annotated[float, Field(ge=0)] = 12.8
-    """From a finger's camera to its face, in mm: that of the box which stands for it in the simulator."""
+    """Distance from a finger's camera to its face, in mm. The default is the value of the simulator's collision box."""
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
-    """Each grasp or finger, in the object's frame, whose unit is the metre.
+    """Read each grasp or finger, in the object's frame, whose unit is the metre.
 
     Raises:
         UserError: the folder holds no action.
@@ -55,11 +55,11 @@ def _finger(frame: Path, points: Path, face: float) -> Touch | None:
     touched = numbers(load_numpy(points), (None, 3), str(points))
     if len(touched) == 0:
         return None
-    where = load_numpy(frame)
-    if not isinstance(where, dict) or not {"pos", "rot"} <= where.keys():
-        raise UserError(f"{frame} has no pos and rot: it is no frame of this layout")
+    recorded = load_numpy(frame)
+    if not isinstance(recorded, dict) or not {"pos", "rot"} <= recorded.keys():
+        raise UserError(f"{frame} has no pos and rot: it is not a frame of this layout")
     rigid = np.eye(4)
-    rigid[:3, :3] = numbers(where["rot"], (3, 3), f"{frame}: rot")
-    rigid[:3, 3] = numbers(where["pos"], (3,), f"{frame}: pos")
+    rigid[:3, :3] = numbers(recorded["rot"], (3, 3), f"{frame}: rot")
+    rigid[:3, 3] = numbers(recorded["pos"], (3,), f"{frame}: pos")
     pose = in_object(check_matrix(rigid, 1.0, f"{frame}: rot"), METRE, METRE) @ rotation_from("+x") @ offset_z(-face)
     return Touch.single(touched, pose, METRE, "smith-2021")

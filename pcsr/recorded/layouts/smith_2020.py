@@ -1,8 +1,7 @@
 """The layout `smith-2020`: grasps of 3D-Vision-and-Touch (Smith et al., 2020), one pickled file each.
 
-The files of one object, `<grasp>.npy`, hold lists with one item for each finger: where its camera was, whether
-it touched, and the surface that it touched, in the world's frame. The object is half as large there as in its own
-frame, and 0.6 m up.
+The files of one object, `<grasp>.npy`, hold lists with one item for each finger: the pose of its camera, whether it
+is in contact, and the touched points, in the world's frame. There the object is scaled by 0.5 and lifted by 0.6 m.
 """
 
 from collections.abc import Iterator
@@ -22,21 +21,21 @@ from pcsr.recorded.pose import in_object, rotation_from
 from pcsr.validation_messages import shown
 
 SCALE = 0.5
-"""Metres in the world for each unit of the object's own frame."""
+"""Length of the unit of the object's frame in the world, in metres."""
 LIFT = (0.0, 0.0, 0.6)
-"""Where the origin of the object's own frame is in the world, in metres."""
+"""Position of the object's origin in the world, in metres."""
 KEYS = ("cam_pos", "cam_rot", "touch_success", "points")
 
 
 class Options(Strict):
-    """What the manifest says of this layout."""
+    """Options of this layout in the manifest."""
 
     per: Literal["grasp", "finger"] = "grasp"
-    """Whether all fingers of a grasp make one touch, or each finger makes its own."""
+    """One touch for each grasp, with all of its fingers, or one for each finger."""
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
-    """Each grasp or finger, in the object's own frame, whose unit is 500 mm.
+    """Read each grasp or finger, in the object's frame, whose unit is 500 mm.
 
     Raises:
         UserError: the folder holds no grasp.
@@ -52,19 +51,19 @@ def _fingers(path: Path) -> list[Touch | None]:
     grasp = load_numpy(path)
     missing = [key for key in KEYS if key not in grasp] if isinstance(grasp, dict) else list(KEYS)
     if missing:
-        raise UserError(f"{path} has no {', '.join(missing)}: it is no grasp of this layout")
+        raise UserError(f"{path} has no {', '.join(missing)}: it is not a grasp of this layout")
     lists = [grasp[key] for key in KEYS]
     if not all(isinstance(one, list | tuple) or (isinstance(one, np.ndarray) and one.ndim) for one in lists):
         raise UserError(f"{path}: {', '.join(KEYS)} must be lists, one item for each finger")
     if len({len(one) for one in lists}) != 1:
         raise UserError(f"{path}: {', '.join(f'{len(one)} {key}' for key, one in zip(KEYS, lists, strict=True))}")
     return [
-        _finger(place, angles, success, points, f"{path}: finger {number}")
-        for number, (place, angles, success, points) in enumerate(zip(*lists, strict=True))
+        _finger(position, angles, success, points, f"{path}: finger {number}")
+        for number, (position, angles, success, points) in enumerate(zip(*lists, strict=True))
     ]
 
 
-def _finger(place: Any, angles: Any, success: Any, points: Any, name: str) -> Touch | None:
+def _finger(position: Any, angles: Any, success: Any, points: Any, name: str) -> Touch | None:
     if not _truth(success, name):
         return None
     touched = numbers(points, (None, 3), f"{name}: points")
@@ -72,7 +71,7 @@ def _finger(place: Any, angles: Any, success: Any, points: Any, name: str) -> To
         return None
     rigid = np.eye(4)
     rigid[:3, :3] = Rotation.from_euler("xyz", numbers(angles, (3,), f"{name}: cam_rot")).as_matrix()
-    rigid[:3, 3] = numbers(place, (3,), f"{name}: cam_pos") - LIFT
+    rigid[:3, 3] = numbers(position, (3,), f"{name}: cam_pos") - LIFT
     pose = in_object(rigid, METRE, SCALE * METRE) @ rotation_from("+x")
     return Touch.single((touched - LIFT) / SCALE, pose, SCALE * METRE, "smith-2020")
 

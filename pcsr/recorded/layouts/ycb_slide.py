@@ -1,7 +1,7 @@
-"""The layout `ycb-slide`: DIGIT slides over YCB objects (Suresh et al., 2022), simulated or real, a folder for each.
+"""The layout `ycb-slide`: slides of a DIGIT over YCB objects (Suresh et al., 2022), simulated or real, a folder each.
 
-Heights are grey images whose levels are 0.03 mm, counted from 22 mm before the camera towards it. pcsr does not
-make geometry of camera images: a real slide needs such height images beside it.
+Height images are grey images with 0.03 mm per level; level 0 is 22 mm from the camera, and higher levels are closer.
+pcsr does not reconstruct geometry from camera images, so a real slide needs height images from another program.
 """
 
 import math
@@ -24,32 +24,32 @@ from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
 from pcsr.recorded.pose import check_matrix, in_object, offset_z, pose_from_7_vector, transformed
 
 FACE = 22.0
-"""From the camera to the gel's face, in mm."""
+"""Distance from the camera to the gel's face, in mm."""
 LEVEL = 0.03
-"""Of the height images, in mm."""
+"""Height of one level of the height images, in mm."""
 HALF_VIEW = math.radians(30)
-"""Half the camera's field of view along the image's height."""
+"""Half the camera's vertical field of view, in radians."""
 INERT = ("omegaconf", "dill", "typing")
-"""The simulated files hold a record of their noise, of classes that are nobody's data."""
+"""Packages whose classes occur in the noise settings of simulated files. These objects are read but not used."""
 FRAME = "frame_{:07d}.jpg"
 
 
 class Options(Strict):
-    """What the manifest says of this layout."""
+    """Options of this layout in the manifest."""
 
     kind: Literal["simulated", "real"]
     every: Annotated[int, Field(ge=1)] = 1
-    """Every so-many-th frame is a touch."""
+    """Step between the frames that are read; 1 reads every frame."""
     heights: str | None = None
-    """Real slides only: folder with a height image for each frame, of the frame's name."""
+    """Real slides only: folder of the height images, which have the names of the frames."""
     masks: str | None = None
-    """Real slides only: folder with an image for each frame that is white where the object touches."""
+    """Real slides only: folder of the masks of contact, images that are white where the object touches the gel."""
     contact_above: Annotated[float, Field(ge=0)] | None = None
-    """Real slides only, where there are no masks: heights of contact begin here, in mm above the background."""
+    """Real slides without masks only: height above the background from which a pixel is in contact, in mm."""
     background: str | None = None
     """Real slides only: height image of the untouched gel, which is subtracted for `contact_above`."""
     alignment: str | None = None
-    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all touched points."""
+    """Real slides only: file of a 4x4 matrix whose translation, in metres, is added to all poses."""
 
     @model_validator(mode="after")
     def _real_only(self) -> "Options":
@@ -59,21 +59,21 @@ class Options(Strict):
             raise ValueError(f"a simulated slide has its own heights and masks: leave out {', '.join(given)}")
         if self.kind == "real" and self.heights is None:
             raise ValueError(
-                "a real slide holds camera images, of which pcsr makes no geometry: make height images of them "
-                "with another program, and name their folder as heights"
+                "a real slide holds camera images, from which pcsr reconstructs no geometry: make height images of "
+                "them with another program, and give their folder as heights"
             )
         if self.kind == "real" and (self.masks is None) == (self.contact_above is None):
-            raise ValueError("say where a real slide is in contact: give one of masks and contact_above")
+            raise ValueError("the contact of a real slide is unknown: give one of masks and contact_above")
         if self.background is not None and self.contact_above is None:
-            raise ValueError("background serves contact_above: give both")
+            raise ValueError("background is used with contact_above only: give both")
         return self
 
 
 def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
-    """Each frame, in the object's frame, whose unit is the metre.
+    """Read the frames, in the object's frame, whose unit is the metre.
 
     Raises:
-        UserError: the poses are not there, or are damaged.
+        UserError: the file of poses is missing or damaged.
     """
     simulated = options.kind == "simulated"
     poses = _simulated_poses(folder) if simulated else _real_poses(folder, options.alignment)
@@ -124,20 +124,20 @@ def _real_poses(folder: Path, alignment: str | None) -> list[Callable[[], Float[
     digit = numbers(_item(poses, "DIGIT", f"{path}: poses"), (None, 7), f"{path}: poses of DIGIT", finite=False)
     others = [key for key in poses if key != "DIGIT"]
     if len(others) != 1:
-        raise UserError(f"{path} holds poses of DIGIT and {others}: they must be of DIGIT and one object")
-    thing = numbers(poses[others[0]], (None, 7), f"{path}: poses of {others[0]}", finite=False)
-    if len(thing) != len(digit):
-        raise UserError(f"{path} holds {len(digit)} poses of DIGIT and {len(thing)} of {others[0]}")
-    moved = np.zeros(3)
+        raise UserError(f"{path} holds poses of DIGIT and {others}: it needs those of DIGIT and of one object")
+    tracked = numbers(poses[others[0]], (None, 7), f"{path}: poses of {others[0]}", finite=False)
+    if len(tracked) != len(digit):
+        raise UserError(f"{path} holds {len(digit)} poses of DIGIT and {len(tracked)} of {others[0]}")
+    offset = np.zeros(3)
     if alignment is not None:
         file = inside(folder, alignment)
-        moved = check_matrix(numbers(load_numpy(file), (4, 4), str(file)), 1.0, str(file))[:3, 3]
+        offset = check_matrix(numbers(load_numpy(file), (4, 4), str(file)), 1.0, str(file))[:3, 3]
 
     def relative(index: int) -> Float[np.ndarray, "4 4"]:
-        of_object = pose_from_7_vector(thing[index], f"{path}: a pose of {others[0]}")
+        of_object = pose_from_7_vector(tracked[index], f"{path}: a pose of {others[0]}")
         of_digit = pose_from_7_vector(digit[index], f"{path}: a pose of DIGIT")
         pose: Float[np.ndarray, "4 4"] = np.linalg.inv(of_object) @ of_digit
-        pose[:3, 3] += moved
+        pose[:3, 3] += offset
         return pose
 
     return [partial(relative, index) for index in range(len(digit))]
@@ -145,5 +145,5 @@ def _real_poses(folder: Path, alignment: str | None) -> list[Callable[[], Float[
 
 def _item(data: Any, key: str, name: str) -> Any:
     if not isinstance(data, dict) or key not in data:
-        raise UserError(f"{name} has no {key}: it is no file of this layout")
+        raise UserError(f"{name} has no {key}: it is not a file of this layout")
     return data[key]

@@ -60,7 +60,7 @@ def test_points_are_written_as_an_obj(tmp_path):
 @pytest.mark.parametrize("names", [["label"], ["nx", "ny"], ["red"], ["red", "green", "blue", "label"]])
 def test_an_obj_holds_no_other_columns(names):
     columns = {name: np.zeros(1) for name in names}
-    with pytest.raises(UserError, match=r"no columns (label|else): write a \.ply"):
+    with pytest.raises(UserError, match=r"not the columns (label|of this cloud): write a \.ply"):
         cloud_bytes(Cloud(np.zeros((1, 3)), columns), ".obj")
 
 
@@ -146,7 +146,7 @@ def test_normals_stay_upright_where_a_scene_is_stretched_and_turned(tmp_path):
         (".obj", "v 1 2 x\n", "rows of numbers cannot be read"),
         (".obj", "v 1 2 3\nv 1 2 nan\n", "1 of 2 points"),
         (".off", "noise", "does not begin with 'OFF'"),
-        (".off", "OFF BINARY\n1 2 3\n", "does not begin with 'OFF', or is a binary one"),
+        (".off", "OFF BINARY\n1 2 3\n", "does not begin with 'OFF', or is binary"),
         (".off", "OFF\nthree\n", "its second line must be the numbers"),
         (".off", "OFF\n0 0 0\n", "holds no points"),
         (".off", "OFF\n3 0 0\n1 2 3\n4 5 6\n", "cut off: 2 of its 3 points"),

@@ -75,7 +75,7 @@ def test_clouds_and_poses_belong_together_by_number(tmp_path):
     assert list(recording.skipped) == ["pc_1.pcd", "pc_3.pcd", "pc_7.pcd"]
     assert "no pose for number 1: add it" in recording.skipped["pc_1.pcd"]
     assert "its norm is 3" in recording.skipped["pc_3.pcd"]
-    assert "is not there" in recording.skipped["pc_7.pcd"]
+    assert "does not exist" in recording.skipped["pc_7.pcd"]
 
 
 def test_a_damaged_cloud_is_left_out(tmp_path):

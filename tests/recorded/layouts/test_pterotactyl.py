@@ -74,7 +74,7 @@ def test_a_grasp_is_the_union_of_the_fingers_that_touched(tmp_path):
     assert recording.names == ["9", "10"]
     assert recording.touches[0].finger.tolist() == [0, 0, 0, 1, 1, 1, 1]
     np.testing.assert_allclose(in_sensor(recording.touches[0], 1)[:, 2], 2.8)
-    assert recording.skipped == {"11": "none of its 1 fingers felt anything"}
+    assert recording.skipped == {"11": "none of its 1 fingers has any contact"}
     recording = say(tmp_path, per="finger")
     assert recording.names == ["9/0", "9/3", "10/0", "10/3"]
     assert set(recording.skipped) == {"9/1", "9/2", "10/1", "10/2", "11/0"}

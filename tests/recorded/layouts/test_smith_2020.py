@@ -80,7 +80,7 @@ def test_each_finger_may_be_a_touch(tmp_path):
     recording = say(tmp_path, per="finger")
     assert recording.names == ["0/0", "0/2"]
     assert [len(touch.points) for touch in recording.touches] == [5, 7]
-    assert recording.skipped == dict.fromkeys(["0/1", "0/3"], "this finger felt nothing")
+    assert recording.skipped == dict.fromkeys(["0/1", "0/3"], "this finger has no contact")
 
 
 def test_grasps_come_in_the_order_of_their_numbers(tmp_path):
@@ -89,7 +89,7 @@ def test_grasps_come_in_the_order_of_their_numbers(tmp_path):
     save(tmp_path, "first", grasp(touch_success=[False] * 4))
     recording = say(tmp_path)
     assert recording.names == ["0", "2", "10"]
-    assert recording.skipped == {"first": "none of its 4 fingers felt anything"}
+    assert recording.skipped == {"first": "none of its 4 fingers has any contact"}
 
 
 def test_a_hostile_file_is_left_out_and_not_run(tmp_path):
@@ -104,14 +104,14 @@ def test_a_hostile_file_is_left_out_and_not_run(tmp_path):
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        ([1, 2], "has no cam_pos, cam_rot, touch_success, points: it is no grasp"),
-        ({"points": []}, "has no cam_pos, cam_rot, touch_success: it is no grasp"),
+        ([1, 2], "has no cam_pos, cam_rot, touch_success, points: it is not a grasp"),
+        ({"points": []}, "has no cam_pos, cam_rot, touch_success: it is not a grasp"),
         (grasp(points=[ahead(0)]), "4 cam_pos, 4 cam_rot, 4 touch_success, 1 points"),
         (grasp(points=3), "must be lists, one item for each finger"),
         (grasp(points=[np.ones((2, 2))] * 4), r"finger 0: points must have shape \(n, 3\)"),
         (grasp(points=[ahead(0) * np.nan] * 4), "finger 0: points: 15 of 15 numbers are not finite"),
         (grasp(points=[[[1], [1, 2]]] * 4), "finger 0: points holds no array"),
-        (grasp(points=[["a"]] * 4), "finger 0: points holds <U1, no numbers"),
+        (grasp(points=[["a"]] * 4), "finger 0: points holds <U1, not numbers"),
         (grasp(cam_rot=[np.eye(3)] * 4), r"finger 0: cam_rot must have shape \(3\)"),
         (grasp(cam_pos=[[np.inf, 0, 0]] * 4), "finger 0: cam_pos: 1 of 3 numbers are not finite"),
         (grasp(touch_success=["yes"] * 4), "finger 0: touch_success must be true or false, got 'yes'"),

@@ -150,10 +150,13 @@ def test_contact_is_counted_from_the_background(real):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"kind": "real"}, "a real slide holds camera images, of which pcsr makes no geometry"),
+        ({"kind": "real"}, "a real slide holds camera images, from which pcsr reconstructs no geometry"),
         ({"kind": "real", "heights": "h"}, "give one of masks and contact_above"),
         ({"kind": "real", "heights": "h", "masks": "m", "contact_above": 1}, "give one of masks and contact_above"),
-        ({"kind": "real", "heights": "h", "masks": "m", "background": "b"}, "background serves contact_above"),
+        (
+            {"kind": "real", "heights": "h", "masks": "m", "background": "b"},
+            "background is used with contact_above only",
+        ),
         ({"alignment": "a"}, "a simulated slide has its own heights and masks: leave out alignment"),
         ({"heights": "h"}, "a simulated slide has its own heights and masks: leave out heights"),
         ({"kind": "virtual"}, "layout.kind: it must be 'simulated' or 'real', got 'virtual'"),
@@ -169,7 +172,7 @@ def test_options_that_do_not_go_together_are_refused(real, options, reason):
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        ({"poses": {"DIGIT": poses(2)}}, r"holds poses of DIGIT and \[\]: they must be of DIGIT and one object"),
+        ({"poses": {"DIGIT": poses(2)}}, r"holds poses of DIGIT and \[\]: it needs those of DIGIT and of one object"),
         ({"poses": {"DIGIT": poses(2), "a": poses(2), "b": poses(2)}}, r"of DIGIT and \['a', 'b'\]"),
         ({"poses": {"DIGIT": poses(2), "a": poses(3)}}, "holds 2 poses of DIGIT and 3 of a"),
         ({"poses": {"a": poses(2)}}, "poses has no DIGIT"),
