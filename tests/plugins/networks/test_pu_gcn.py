@@ -14,7 +14,7 @@ from pcsr.recipe import load
 from tests.plugins.compare import close
 from tests.plugins.published import pu_gcn, small_pu_gcn
 
-RECIPES = Path(__file__).parents[3] / "recipes"
+RECIPES = Path(pcsr.__file__).parent / "recipes"
 PUBLISHED = 75_971  # published as 76.0 K
 
 

@@ -8,6 +8,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import nn
 
+import pcsr
 from pcsr import Trait, UserError, Widths
 from pcsr.experiments.evaluation import methods
 from pcsr.geometry.interpolation import midpoint
@@ -24,7 +25,7 @@ from pcsr_plugins.layers.midpoints import evenly, interpolated
 from pcsr_plugins.upsamplers.midpoint import Midpoint, spacing
 from tests.plugins.compare import close
 
-RECIPE = Path(__file__).parents[3] / "recipes" / "tapsr-midpoint.yaml"
+RECIPE = Path(pcsr.__file__).parent / "recipes" / "tapsr-midpoint.yaml"
 
 
 def trained(refined: int = 6, hidden: int = 5) -> Midpoint:
