@@ -9,8 +9,8 @@ from safetensors.torch import load_file
 from torch import nn
 
 import pcsr
+from benchmarks.grad_pu import convert
 from pcsr import UserError
-from pcsr.clouds.convert import convert
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
+import pcsr
 from pcsr import TouchBatch
 from pcsr.network.build import build
 from pcsr.network.load import load_weights

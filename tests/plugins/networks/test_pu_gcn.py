@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import nn
 
+import pcsr
 from pcsr import Trait, UserError
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.build import build
