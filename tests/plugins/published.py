@@ -22,10 +22,10 @@ from pcsr_plugins.upsamplers.progressive import Progressive
 from pcsr_plugins.upsamplers.up_down_up import UpDownUp
 
 
-def pu_net(rate: int = 4, **branches) -> Network:
+def pu_net(rate: int = 4) -> Network:
     encoder = BallEncoder(Widths(rate=rate))
     backbone = PUNet(Widths(visual=encoder.channels, rate=rate))
-    upsampler = Branches(Widths(visual=encoder.channels, refined=backbone.channels, rate=rate), **branches)
+    upsampler = Branches(Widths(visual=encoder.channels, refined=backbone.channels, rate=rate))
     return Network(encoder, None, NoFusion(Widths()), backbone, upsampler)
 
 

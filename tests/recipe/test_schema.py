@@ -221,7 +221,6 @@ def test_how_often_patches_cover_a_cloud_does_not_decide_the_weights(write, regi
     assert once.fingerprint == thrice.fingerprint
 
 
-@pytest.mark.xfail(reason="the default upsampler starts at the origin, that of TAPSR near the input points")
 def test_a_recipe_without_a_model_gets_that_of_tapsr(write):
     registry = load_plugins()
     (tapsr,), (bare,) = load(TAPSR, registry), load(write("name: bare"), registry)

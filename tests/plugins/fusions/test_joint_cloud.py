@@ -7,6 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+import pcsr
 from pcsr import TouchBatch, Trait, UserError, Widths
 from pcsr.geometry.ordering import hilbert_order
 from pcsr.network.build import build
@@ -115,7 +116,7 @@ def test_in_use_nobody_joins():
 
 @pytest.fixture(scope="module")
 def network():
-    (recipe,) = load(Path(__file__).parents[3] / "recipes" / "frames.yaml", load_plugins())
+    (recipe,) = load(Path(pcsr.__file__).parent / "recipes" / "frames.yaml", load_plugins())
     net = build(recipe, load_plugins()).eval()
     with torch.random.fork_rng():
         torch.manual_seed(0)

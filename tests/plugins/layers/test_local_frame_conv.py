@@ -15,9 +15,9 @@ def test_a_convolution_is_its_formula_edge_by_edge():
     assert convolved.shape == (2, 20, 7)
     for b in range(2):
         for i in range(20):
-            heard = []
-            for edge, j in zip(edges[b, i], frames.near[b, i], strict=True):
+            messages = []
+            for edge, j in zip(edges[b, i], frames.index[b, i], strict=True):
                 here, there = conv.here.weight @ features[b, i] + conv.here.bias, conv.there.weight @ features[b, j]
-                heard.append(torch.relu(here + there + conv.edge.weight @ edge))
-            both = torch.cat([torch.stack(heard).max(0).values, torch.stack(heard).mean(0)])
+                messages.append(torch.relu(here + there + conv.edge.weight @ edge))
+            both = torch.cat([torch.stack(messages).max(0).values, torch.stack(messages).mean(0)])
             close(convolved[b, i], conv.out.weight @ both + conv.out.bias, 1e-9)

@@ -23,13 +23,13 @@ def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
     assert edges.shape == (2, n, k, SCALARS)
     for b, row in enumerate(points):
         alone = [slow_frame(row, i, neighbours) for i in range(n)]
-        for i, (near, ways, unit, normal, rough) in enumerate(alone):
-            assert torch.equal(frames.near[b, i], near)
-            close(frames.ways[b, i], ways)
+        for i, (near, offsets, unit, normal, rough) in enumerate(alone):
+            assert torch.equal(frames.index[b, i], near)
+            close(frames.offsets[b, i], offsets)
             close(frames.unit[b, i, 0], unit)
             close(frames.normal[b, i], normal)
             close(frames.rough[b, i, 0], rough)
-            close(edges[b, i], torch.stack([slow_edge(alone[i], alone[j], ways[s]) for s, j in enumerate(near)]))
+            close(edges[b, i], torch.stack([slow_edge(alone[i], alone[j], offsets[s]) for s, j in enumerate(near)]))
 
 
 @pytest.mark.parametrize(("neighbours", "degrees"), [(8, 2.6), (16, 2.1)])
@@ -52,8 +52,8 @@ def test_the_normal_of_a_plane_is_exact():
 
 def test_an_edge_between_very_different_spacings_is_bounded():
     points = torch.cat([1e-5 * torch.randn(1, 20, 3), torch.randn(1, 20, 3)], 1)
-    told = LocalFrames.of(points, 25).edges()[..., 4]
-    assert told.abs().max() == 3
+    log_ratio = LocalFrames.of(points, 25).edges()[..., 4]
+    assert log_ratio.abs().max() == 3
 
 
 @pytest.mark.parametrize("points", [torch.zeros(1, 20, 3), torch.ones(1, 2, 3), torch.arange(60.0).view(1, 20, 3)])

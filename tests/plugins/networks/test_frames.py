@@ -1,4 +1,4 @@
-"""The network of recipes/frames.yaml: it turns, moves and scales with its cloud."""
+"""The network of pcsr/recipes/frames.yaml: it turns, moves and scales with its cloud."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from pcsr import Widths
+import pcsr
+from pcsr import TouchBatch, Widths
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
@@ -15,7 +16,7 @@ from pcsr.recipe import load
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import curved, grid, rotation
 
-RECIPE = Path(__file__).parents[3] / "recipes" / "frames.yaml"
+RECIPE = Path(pcsr.__file__).parent / "recipes" / "frames.yaml"
 RATE = 4
 SEEDS = st.integers(0, 1000)
 
@@ -58,8 +59,8 @@ def test_with_touches_it_does_so_too(seed, scale):
     points, turn = curved(seed), scale * rotation(seed, torch.float64)
     touches = curved(seed + 1, 40)[:, None, :, :] * 0.9  # all of so few points are inserted
     net, mask = whole(seed=seed), torch.ones(2, 1, dtype=torch.bool)
-    cloud, features = net.refine(points, touches, mask)
-    turned, as_well = net.refine(points @ turn, touches @ turn, mask)
+    cloud, features = net.refine(points, TouchBatch.of(touches, mask))
+    turned, as_well = net.refine(points @ turn, TouchBatch.of(touches @ turn, mask))
     for a, f, b, g in zip(cloud @ turn, features, turned, as_well, strict=True):
         order = torch.cdist(a, b).argmin(1)  # a curve through a turned touch runs another way
         close(a, b[order])

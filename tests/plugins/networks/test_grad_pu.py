@@ -8,8 +8,9 @@ import torch
 from safetensors.torch import load_file
 from torch import nn
 
+import pcsr
+from benchmarks.grad_pu import convert
 from pcsr import UserError
-from pcsr.clouds.convert import convert
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
@@ -18,7 +19,7 @@ from pcsr_plugins.objectives.grad_pu import GradPU as Objective
 from tests.plugins.compare import close
 from tests.plugins.published import grad_pu, lively, small_grad_pu
 
-RECIPE = Path(__file__).parents[3] / "recipes" / "grad-pu.yaml"
+RECIPE = Path(pcsr.__file__).parent / "recipes" / "grad-pu.yaml"
 SHARED = Path(__file__).parents[4] / "shared" / "data"
 """Data that does not come with the project."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
+import pcsr
 from pcsr import TouchBatch
 from pcsr.network.build import build
 from pcsr.network.load import load_weights
@@ -12,7 +13,7 @@ from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 
-FOLDER = Path(__file__).parents[3] / "recipes"
+FOLDER = Path(pcsr.__file__).parent / "recipes"
 GRAFTS = sorted(path.stem for path in (FOLDER / "graft").glob("*.yaml"))
 POINTS, RATE, TOUCHES, FELT = 64, 4, 2, 32
 SMALL = ["data.points=256", f"data.rate={RATE}", f"data.touch.points={FELT}"]

@@ -10,11 +10,6 @@ from tests.plugins.compare import close
 from tests.plugins.published import mpu
 
 
-def test_one_level_of_four_copies_is_as_large_as_published():
-    """PU-GCN publishes 76.2 K, of its own writing of 3PU: one level, a grid of 2 × 2."""
-    assert mpu(4, step=4).parameter_count == 76_155
-
-
 @pytest.mark.parametrize(("rate", "levels"), [(2, 1), (4, 2), (16, 4)])
 def test_a_doubling_level_has_a_code_of_one_number(rate, levels):
     """Of two numbers, the published level's code needs 128 weights more."""

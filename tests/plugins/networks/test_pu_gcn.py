@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import nn
 
+import pcsr
 from pcsr import Trait, UserError
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.build import build
@@ -14,7 +15,7 @@ from pcsr.recipe import load
 from tests.plugins.compare import close
 from tests.plugins.published import pu_gcn, small_pu_gcn
 
-RECIPES = Path(__file__).parents[3] / "recipes"
+RECIPES = Path(pcsr.__file__).parent / "recipes"
 PUBLISHED = 75_971  # published as 76.0 K
 
 

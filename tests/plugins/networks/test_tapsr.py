@@ -6,6 +6,7 @@ from torch import nn
 from torch.nn import functional as F
 
 import pcsr
+from pcsr import TouchBatch
 from pcsr_plugins.backbones.pu_transformer import PUTransformer
 from pcsr_plugins.encoders.unet import UNet
 from pcsr_plugins.fusions.concat import Concat
@@ -31,7 +32,7 @@ def test_the_network_is_its_plain_twin(counts):
     """Of TAPSR's own size and weights: 512 points, rate 16, single precision."""
     network = pcsr.load("tapsr").network
     points, touches, mask = example(counts, torch.float32)
-    close(network(points, 16, touches, mask), plain(network)(points, 16, touches, mask))
+    close(network(points, 16, TouchBatch.of(touches, mask)), plain(network)(points, 16, TouchBatch.of(touches, mask)))
 
 
 @pytest.mark.slow
@@ -43,7 +44,7 @@ def test_the_network_has_the_gradients_of_its_plain_twin(counts):
     network = pcsr.load("tapsr").network.double()
     twin = plain(network)
     points, touches, mask = example(counts, torch.float64)
-    dense, expected = network(points, 16, touches, mask), twin(points, 16, touches, mask)
+    dense, expected = network(points, 16, TouchBatch.of(touches, mask)), twin(points, 16, TouchBatch.of(touches, mask))
     towards = torch.randn(dense.shape, generator=torch.Generator().manual_seed(1), dtype=dense.dtype)
     for output in (dense, expected):
         (output * towards).sum().backward()

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from pcsr import ShapeItem
-from pcsr_plugins.touch.digit import Digit
+from tests.plugins.touch.plain_options import digit
 
 CLOUD = np.zeros((1, 3))
 IDEAL = {"object_size": None, "depth_noise": 0.0}
@@ -17,7 +17,7 @@ SHAPES = {
 
 
 def touch(mesh, count=1, seed=0, cloud=CLOUD, **options):
-    return Digit(**{**IDEAL, **options}).touches(ShapeItem("part-3", "part", mesh), cloud, count, seed)
+    return digit(**{**IDEAL, **options}).touches(ShapeItem("part-3", "part", mesh), cloud, count, seed)
 
 
 def in_sensor(touch):

@@ -27,14 +27,6 @@ def test_shuffle_cuts_each_point_into_pieces_of_its_channels():
             close(dense[:, 3 * i + r], shuffle.mlp(features[:, i, 4 * r : 4 * r + 4]), 1e-6)
 
 
-def test_shuffle_can_start_at_the_input_points():
-    origin, point = Shuffle(WIDTHS), Shuffle(WIDTHS, start="point")
-    point.load_state_dict(origin.state_dict())
-    points, features = torch.randn(1, 5, 3), torch.randn(1, 5, 12)
-    way = (point(points, features, 3) - origin(points, features, 3)).view(1, 5, 3, 3)
-    close(way, points.unsqueeze(2).expand(-1, -1, 3, -1))
-
-
 def test_shuffle_can_start_on_the_ways_to_the_neighbours():
     widths, points, features = Widths(refined=32, rate=16), torch.randn(2, 30, 3), torch.randn(2, 30, 32)
     shuffle = Shuffle(widths, start="neighbours")
