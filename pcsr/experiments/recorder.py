@@ -151,7 +151,7 @@ def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
 
 @torch.no_grad()
 def validate(network: Network, split: Split, recipe: Recipe) -> float:
-    """Mean Chamfer distance over a split, with the recipe's number of touches, in the truth's unit sphere."""
+    """Compute the mean Chamfer distance over a split in the truth's unit sphere, with the touches of the recipe."""
     network.eval()
     values = []
     with threads(thread_count(points_at_once(recipe), network.parameter_count)):

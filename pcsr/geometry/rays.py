@@ -68,7 +68,7 @@ class MeshRays:
     def surface_points(
         self, count: int, rng: np.random.Generator
     ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, "count 3"]]:
-        """Random points of the surface, uniform by area, in mm, and the unit normals of their faces."""
+        """Draw random points of the surface, uniform by area, in mm, with the unit normals of their faces."""
         faces = face_by_area(self._cumulated, rng.random(count))
         points = point_of_face(self._corners[faces], self._edges[:, faces].transpose(1, 0, 2), rng.random((2, count)).T)
         return points, self._normals[faces]

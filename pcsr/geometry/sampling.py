@@ -49,7 +49,7 @@ def surface_points(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) 
 def face_by_area(
     cumulated: Float[np.ndarray, " faces"], uniform: Float[np.ndarray, " count"]
 ) -> Int[np.ndarray, " count"]:
-    """Indices of faces, each drawn with a probability in proportion to its area.
+    """Draw indices of faces with probabilities proportional to their areas.
 
     Args:
         cumulated: cumulative share of the surface's area, face by face.
@@ -61,7 +61,7 @@ def face_by_area(
 def point_of_face(
     corners: Float[np.ndarray, "count 3"], edges: Float[np.ndarray, "count 2 3"], uniform: Float[np.ndarray, "count 2"]
 ) -> Float[np.ndarray, "count 3"]:
-    """One random point of each triangle, uniform by area.
+    """Draw one random point of each triangle, uniform by area.
 
     Args:
         corners: first corner of each triangle.

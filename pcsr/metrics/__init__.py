@@ -25,27 +25,27 @@ __all__ = ["METRICS", "Metric", "chamfer", "emd", "hausdorff", "hausdorff_pugcn"
 
 
 class NamedMetric(Metric):
-    """A metric of pcsr itself."""
+    """First-party metric."""
 
     name: ClassVar[str]
     function: ClassVar[tuple[Callable[[Tensor, Tensor], Tensor], ...]] = ()
-    """The metric of two batches of clouds, in a tuple, since a function alone would be a method."""
+    """Function of two batches of clouds, in a tuple: a bare function would become a method."""
 
     @property
     def between_clouds(self) -> Callable[[Tensor, Tensor], Tensor] | None:
-        """The metric of two batches of clouds; None for one that needs the mesh."""
+        """Function of two batches of clouds; `None` for metrics that need the mesh."""
         return None if self.needs_mesh else self.function[0]
 
     def __call__(
         self, prediction: Float[Tensor, "1 p 3"], target: Float[Tensor, "1 t 3"], mesh: Mesh | None = None
     ) -> float:
-        """As `measure`, for a batch of one cloud."""
+        """Compute the metric of a batch of one cloud."""
         return self.measure(prediction[0], target[0], mesh)
 
     def measure(
         self, prediction: Float[Tensor, "p 3"], target: Float[Tensor, "t 3"], mesh: Mesh | None = None
     ) -> float:
-        """Error of one cloud, unscaled.
+        """Compute the error of one cloud, not multiplied by `scale`.
 
         Raises:
             UserError: the metric needs the mesh and there is none, or it needs clouds of the same size.
@@ -103,4 +103,4 @@ class PointToFace(NamedMetric):
 METRICS: dict[str, NamedMetric] = {
     kind.name: kind() for kind in (Chamfer, Hausdorff, HausdorffPUGCN, EarthMovers, PointToFace)
 }
-"""Every metric of pcsr by its name."""
+"""First-party metrics by name."""

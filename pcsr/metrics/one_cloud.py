@@ -93,7 +93,7 @@ def evaluate(
 
 
 def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str, Metric]:
-    """Metrics by name: those of pcsr, of installed plugins and of plugin files.
+    """Return metrics by name: those of pcsr, of installed plugins and of plugin files.
 
     Raises:
         UserError: there is none of this name, or a plugin that is asked for it cannot be loaded.

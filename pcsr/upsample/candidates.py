@@ -90,7 +90,7 @@ class Networked(Candidates):
         return candidates
 
     def _resampled(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
-        """The nearest touches, as many as in training, each with the number of points of training."""
+        """Return the nearest touches, as many as in training, each with the number of points of training."""
         nearest = sorted(touches, key=lambda touch: float(np.linalg.norm(touch.mean(0))))[: self.most_touches]
         resampled = []
         for touch in nearest:
@@ -102,7 +102,7 @@ class Networked(Candidates):
 
 
 def _touch_points(source: PartSpec) -> int:
-    """Number of points of a touch in training, if the touch source has a plausible option `points`."""
+    """Return the number of points of a touch in training, if the touch source has a plausible option `points`."""
     points = source.options.get("points")
     return points if type(points) is int and 1 <= points <= MOST_TOUCH_POINTS else TOUCH_POINTS
 

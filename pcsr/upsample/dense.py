@@ -155,7 +155,7 @@ def _tasks(
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
-    """The touched points within the sphere around a patch, for each touch that has any."""
+    """Return the touched points within the sphere around a patch, for each touch that has any."""
     centre = points.mean(0)
     radius = np.linalg.norm(points - centre, axis=1).max()
     inside = [touch[np.linalg.norm(touch - centre, axis=1) <= radius] for touch in touches]
@@ -180,5 +180,5 @@ def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
 
 
 def _sorted(points: CloudArray) -> Int[np.ndarray, " n"]:
-    """Lexicographic order of the points, whatever order they are given in."""
+    """Return the lexicographic order of points."""
     return np.lexsort(points.T)

@@ -20,7 +20,7 @@ SLACK = 1.0001
 
 
 def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Local spacing at each point: the mean distance to its neighbours, limited for stray points."""
+    """Compute the local spacing at each point: the mean distance to its neighbours, limited for stray points."""
     k = min(NEIGHBOURS + 1, len(points))
     distances, nearest = cKDTree(points).query(points, k=k)
     own = distances[:, 1:].mean(1)
@@ -52,7 +52,7 @@ def spread_out(
     core: Bool[np.ndarray, " c"],
     count: int,
 ) -> Int[np.ndarray, " chosen"]:
-    """Farthest point sampling that continues from existing points, until `count` candidates of the core are chosen.
+    """Choose candidates by farthest point sampling from existing points, until `count` of the core are chosen.
 
     Candidates of neighbouring patches compete but do not count towards `count`; otherwise points pile up at the borders
     of patches. Of equally far candidates the first along x is chosen.
@@ -120,7 +120,7 @@ def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np
 
 
 def _spread_fraction(turn: int) -> float:
-    """Fraction of the offset in a turn: a van der Corput sequence below 0.48, so that two neighbours never coincide."""
+    """Return the fraction of the offset in a turn, a van der Corput sequence below 0.48: neighbours never coincide."""
     value, step, number = 0.0, 0.5, turn + 1
     while number:
         value, step, number = value + step * (number % 2), step / 2, number // 2

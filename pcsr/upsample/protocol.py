@@ -27,5 +27,5 @@ def upsample_as(
 
 
 def points_at_once(recipe: Recipe) -> int:
-    """Largest number of points in one batch of the network in `upsample_as`."""
+    """Return the largest number of points in one batch of the network in `upsample_as`."""
     return recipe.data.points if recipe.patches is None else AT_ONCE * recipe.patches.points
