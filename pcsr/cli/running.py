@@ -110,7 +110,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         built = BuiltData.read(options.data)
         recipes = [built.replace_data(one, registry) for one in recipes]
         folders_text = " and ".join(map(str, options.data))
-        note = f"{folders_text} replaces the recipe's section data, except for the number of touches"
+        note = f"the recipe's section data is replaced by {folders_text}, except for the number of touches"
         for line in (note, *built.missing()):
             console.print(f"data: {line}", markup=False, soft_wrap=True)
     require({name: user for one in recipes for name, user in packages(one, registry, options).items()})

@@ -26,9 +26,8 @@ def test_what_is_wrong_is_found(tmp_path):
 import sys
 sys.argv = ["fuzz", "--minutes", "0.02", "--kinds", "meshes", "--folder", {str(tmp_path)!r}]
 sys.path.insert(0, {str(FUZZER.parent)!r})
-import pcsr.clouds.formats.mesh as mesh
-from pcsr.errors import UserError
-mesh.UserError = KeyError
+import pcsr.clouds.meshes as meshes
+meshes.UserError = KeyError
 import fuzz_readers
 fuzz_readers.main()
 """
