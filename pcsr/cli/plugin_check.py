@@ -176,7 +176,7 @@ def _show(entry: "Entry", found: "Iterable[Outcome]") -> bool:
     counts = {"passed": 0, "skipped": 0, "failed": 0}
     for outcome in found:
         counts[outcome.result] += 1
-        message = f": {outcome.message}" if outcome.message else ""
+        message = f": {outcome.reason}" if outcome.reason else ""
         mark = "FAILED" if outcome.result == "failed" else outcome.result
         click.echo(f"  {mark:7} {outcome.check}{message}")
     click.echo(f"  {', '.join(f'{count} {result}' for result, count in counts.items())}")

@@ -36,7 +36,7 @@ def graft(
     Args:
         network: any module that maps points to points.
         at: dotted name of the layer, as in `network.named_modules()`.
-        fusion: by name, as `{"use": name, **options}`, or an instance made for the layer's channels.
+        fusion: by name, as `{"use": name, **options}`, or an instance built for the layer's channels.
         touch_encoder: the same, or None: the coordinates themselves. By default a `unet` with a quarter of the
             layer's channels, at least 8.
         probe: points that the network is run on, or their shape, (b n 3) or (b 3 n).

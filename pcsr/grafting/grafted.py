@@ -90,8 +90,8 @@ class Grafted(nn.Module):
         foreign: nn.Module = self.network
         while isinstance(foreign, Grafted):
             foreign = foreign.network
-        theirs = {id(parameter) for parameter in foreign.parameters()}
-        return (parameter for parameter in self.parameters() if id(parameter) not in theirs)
+        of_foreign = {id(parameter) for parameter in foreign.parameters()}
+        return (parameter for parameter in self.parameters() if id(parameter) not in of_foreign)
 
     def _fused(self, points: Points, touches: TouchBatch, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         """Call the network with a hook on the grafted layer, and remove the hook in any case."""

@@ -39,8 +39,8 @@ class Outcome:
 
     check: str
     result: Literal["passed", "failed", "skipped"]
-    message: str = ""
-    """The reason, if the check did not pass."""
+    reason: str = ""
+    """Why it did not pass; empty if it did."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class Check:
         return Outcome(self.name, "passed")
 
 
-def said(error: BaseException) -> str:
+def describe(error: BaseException) -> str:
     """Describe an error that a part raised in one line, with the file and line where it arose."""
     lines = " ".join(str(error).split())
-    described = f"{type(error).__name__}: {lines}" if lines else type(error).__name__
+    message = f"{type(error).__name__}: {lines}" if lines else type(error).__name__
     frames = traceback.extract_tb(error.__traceback__)
-    return f"{described} (at {frames[-1].filename}:{frames[-1].lineno})" if frames else described
+    return f"{message} (at {frames[-1].filename}:{frames[-1].lineno})" if frames else message

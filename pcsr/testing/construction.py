@@ -11,7 +11,7 @@ from pcsr.contracts import Objective, Trait
 from pcsr.errors import UserError
 from pcsr.options import Options
 from pcsr.recipe.schema import options_model
-from pcsr.testing.check import said
+from pcsr.testing.check import describe
 from pcsr.testing.subject import GIVE, NETWORK, WIDTHS, Subject
 
 STRAY = "an_option_that_no_part_has"
@@ -79,7 +79,7 @@ def unknown_options(subject: Subject) -> None:
     except (TypeError, UserError):
         return
     except Exception as error:
-        found = f"for an unknown option it raises {said(error)}"
+        found = f"for an unknown option it raises {describe(error)}"
     else:
         found = "it accepts an unknown option"
     raise subject.failure(found, "a TypeError", "name each option in the constructor instead of taking **kwargs")
@@ -88,28 +88,28 @@ def unknown_options(subject: Subject) -> None:
 def builds(subject: Subject) -> None:
     """It builds from its defaults, at several widths; it may refuse some, if it says who it is."""
     hosts = WIDTHS if subject.kind in NETWORK else WIDTHS[:1]
-    made: list[Any] = []
+    instances: list[Any] = []
     refused = []
     for widths in hosts:
         try:
-            made.append(subject.make(widths))
+            instances.append(subject.make(widths))
         except UserError as error:
             subject.must_name_itself(error)
             refused.append(str(error))
         except Exception as error:
             at = f" for {widths}" if subject.kind in NETWORK else ""
             raise subject.failure(
-                f"building it{at} raised {said(error)}",
+                f"building it{at} raised {describe(error)}",
                 "that it builds from its defaults, or refuses with a UserError",
                 f"give each option a default; one that has to be given, give to the suite: {GIVE}",
             ) from error
-    if not made:
+    if not instances:
         raise subject.failure(
             f"it refuses to be built: {'; '.join(dict.fromkeys(refused))}",
             "that it builds from its defaults, for some widths at least",
             f"change the defaults, or give the suite the options that it needs: {GIVE}",
         )
-    for one in made:
+    for one in instances:
         if subject.kind in (*NETWORK, "objective") and not (isinstance(one, nn.Module) and hasattr(one, "_modules")):
             raise subject.failure(
                 "it is no module of torch yet", "nn.Module's constructor", "call super().__init__() first"

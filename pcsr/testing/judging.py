@@ -103,18 +103,18 @@ def dense(subject: Subject) -> None:
     baseline, mesh = subject.built(), unit_egg()
     points = sampled(mesh, 0)
     given = points.copy()
-    made, again = (
+    first, again = (
         baseline.upsample(given, RATE, mesh if baseline.needs_mesh else None, np.random.default_rng(0))
         for _ in range(2)
     )
-    shape = getattr(made, "shape", None)
-    if shape != (RATE * COUNT, 3) or not np.isfinite(made).all():
+    shape = getattr(first, "shape", None)
+    if shape != (RATE * COUNT, 3) or not np.isfinite(first).all():
         raise subject.failure(
             f"of {COUNT} points at rate {RATE} it gives {shape}",
             f"{(RATE * COUNT, 3)}, all of them finite",
             "return rate·n points as an array",
         )
-    if not np.array_equal(made, again):
+    if not np.array_equal(first, again):
         raise subject.failure(
             "the same random numbers give another cloud", "the same", "take random numbers from `rng` alone"
         )

@@ -70,11 +70,11 @@ def network(subject: Subject, seed: int = 0) -> Network:
     """Build a small, smooth network in double precision, with the subject's upsampler if it has one."""
     with seeded(seed):
         upsampler = _Copies() if subject.upsampler is None else subject.upsampler(WIDTHS)
-        made = Network(_Lift(), None, _Mean(), _Refine(), upsampler).double()
+        built = Network(_Lift(), None, _Mean(), _Refine(), upsampler).double()
         with torch.no_grad():
-            for weight in made.parameters():
+            for weight in built.parameters():
                 weight.add_(0.05 * torch.randn_like(weight))
-    return made
+    return built
 
 
 def judge(subject: Subject, module: Any, judged: Network, *, touched: bool = False) -> Any:

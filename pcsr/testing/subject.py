@@ -16,7 +16,7 @@ from pcsr.contracts import Encoder, ShapeItem, Upsampler, Widths
 from pcsr.errors import UserError
 from pcsr.plugins.guard import watched
 from pcsr.plugins.registry import KINDS
-from pcsr.testing.check import Check, CheckFailed, Skipped, said
+from pcsr.testing.check import Check, CheckFailed, Skipped, describe
 
 WIDTHS = (
     Widths(visual=32, touch=12, refined=48, rate=4),
@@ -65,7 +65,9 @@ class Subject:
                 raise
             except (Exception, SystemExit) as error:
                 raise self.failure(
-                    f"it raised {said(error)}", f"that the check '{name}' runs through", "see where the error arose"
+                    f"it raised {describe(error)}",
+                    f"that the check '{name}' runs through",
+                    "see where the error arose",
                 ) from error
             if changes:
                 raise self.failure(
@@ -103,8 +105,8 @@ class Subject:
         Raises:
             Skipped: it cannot be built.
         """
-        made = self.make(self.widths, seed)
-        return made.eval() if isinstance(made, nn.Module) else made
+        instance = self.make(self.widths, seed)
+        return instance.eval() if isinstance(instance, nn.Module) else instance
 
     def perturbed(self, seed: int = 0) -> nn.Module:
         """Build an instance in double precision with perturbed weights.

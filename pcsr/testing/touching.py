@@ -17,7 +17,7 @@ SEEN = 256
 """Number of points of the cloud that a source is given."""
 COUNT = 3
 """Number of touches that are requested."""
-NEAR = 0.1
+MAX_DISTANCE = 0.1
 """Largest median distance of a touch's points from the surface, in radii of the object."""
 
 
@@ -69,7 +69,7 @@ def _sound(subject: Subject, item: ShapeItem, number: int, touch: Touch) -> None
         )
     radius = float(np.linalg.norm(item.mesh.vertices - item.mesh.vertices.mean(0), axis=1).max())
     away = float(np.median(point_to_surface(points, np.asarray(item.mesh.vertices), np.asarray(item.mesh.faces))))
-    if away > NEAR * radius:
+    if away > MAX_DISTANCE * radius:
         raise subject.failure(
             f"touch {number} lies {away / radius:.3g} radii off the surface of '{item.name}'",
             "points on the surface",

@@ -95,7 +95,7 @@ class EdgeMax(nn.Module):
     """max over j of ReLU(W·[xᵢ, xⱼ − xᵢ] + b), a one-layer edge MLP and the maximum over neighbours.
 
     W splits into U for xᵢ and V for the difference. ReLU grows and only V·xⱼ depends on j, so the maximum moves
-    inside: ReLU((U − V)·xᵢ + b + max over j of V·xⱼ). The edge tensor (b n k 2c) is never made.
+    inside: ReLU((U − V)·xᵢ + b + max over j of V·xⱼ). The edge tensor (b n k 2c) is never stored.
     """
 
     def __init__(self, c_in: int, c_out: int) -> None:

@@ -12,7 +12,7 @@ from pcsr.geometry.interpolation import midpoint
 from pcsr.tensors import Mesh
 
 TWICE = 16
-"""Rate from which on two passes at its root are made, as the field does: far better than one."""
+"""Least rate that is reached in two passes, each at its square root: far more exact than one pass."""
 
 
 class Midpoint(Baseline):

@@ -7,7 +7,7 @@ clouds, with the offset dⱼ to the touched point j::
 
     f ← f + W·max over the nearest j of ReLU(A·f + B·tⱼ + C·[dⱼ, |dⱼ|])
 
-Touched points lie on the surface exactly, so they replace the points that the network made around them
+Touched points lie on the surface exactly, so they replace the points that the network generated around them
 (`keeps_touched_points`).
 """
 

@@ -1,9 +1,9 @@
 """Touched points become part of the dense cloud, and of the input of the next pass. Our own.
 
-The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything,
-and finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here touched points replace the
-points that the network made around them, as densely as the rest of the cloud (`keeps_touched_points`); where there is
-a second pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the
+The paper pairs the i-th touch feature with the i-th visual feature (Sec. 3.3), though neither order means anything, and
+finds that joining the raw clouds does harm (Sec. 4.4, Table 4, first row; `none`). Here touched points replace the
+points that the network generated around them, as densely as the rest of the cloud (`keeps_touched_points`); where there
+is a second pass, it starts from that cloud. In training a few points of each touch join the sparse cloud, so that the
 network learns of changing spacing. At inference they do not: a cloud that is many times as dense in one region has
 neighbourhoods unlike those elsewhere, and lost most of what the touch had gained.
 """

@@ -1,4 +1,4 @@
-"""A linear layer, a batch norm and ReLU: what Grad-PU is made of, channels last.
+"""A linear layer, a batch norm and ReLU: the layer of Grad-PU, channels last.
 
 A batch norm ties the points of one object to those of the others while it is trained, which is why the networks of this
 project have none by themselves. It is here for weights that were published with one; in `eval` mode it ties nothing.

@@ -79,14 +79,14 @@ class LocalFrames:
 
     def edges(self) -> Float[Tensor, "b n k 8"]:
         """Features of each edge: length, heights over both planes, their angle, and how both ends differ."""
-        theirs = gather(self.normal, self.index)
+        neighbour_normals = gather(self.normal, self.index)
         middle = self.offsets.mean(2, keepdim=True)
         return torch.stack(
             [
                 self.offsets.norm(dim=-1),
                 (self.offsets * self.normal.unsqueeze(2)).sum(-1),
-                (self.offsets * theirs).sum(-1),
-                (theirs * self.normal.unsqueeze(2)).sum(-1),
+                (self.offsets * neighbour_normals).sum(-1),
+                (neighbour_normals * self.normal.unsqueeze(2)).sum(-1),
                 (gather(self.unit, self.index) / self.unit.unsqueeze(2)).squeeze(-1).log().clamp(-3, 3),
                 gather(self.rough, self.index).squeeze(-1) - self.rough,
                 (self.offsets * middle).sum(-1),

@@ -17,7 +17,7 @@ from pcsr.geometry.sampling import poisson_subset
 from pcsr.tensors import Dense, Points
 
 TWICE = 16
-"""Rate from which on two passes at its root are made: far better than one."""
+"""Least rate that is reached in two passes, each at its square root: far more exact than one pass."""
 
 
 def interpolated(points: Points, rate: int, thin: Thin = farthest_points) -> Dense:

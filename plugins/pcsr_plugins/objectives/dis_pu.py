@@ -1,4 +1,4 @@
-"""Dis-PU's objective: both clouds near the truth, the refined one at first hardly counted.
+"""Dis-PU's objective: Chamfer distance of the coarse and the refined cloud, the latter with a growing weight.
 
 Li et al., "Point Cloud Upsampling via Disentangled Refinement", CVPR 2021, Sec. 3.4; weights as in its code::
 

@@ -62,18 +62,18 @@ class PuGan(Objective):
         """The generator's four terms and the discriminator's one, none of which pulls at the other's weights."""
         fixed = {name: weight.detach() for name, weight in self.discriminator.named_parameters()}
         judged = torch.func.functional_call(self.discriminator, fixed, (prediction,))
-        true, made = self.discriminator(target), self.discriminator(prediction.detach())
+        real, generated = self.discriminator(target), self.discriminator(prediction.detach())
         return {
             "emd": self.fidelity_weight * matched_distance(prediction, target).mean(),
             "uniform": self.uniform_weight * uniformity(prediction).mean(),
             "repulsion": self.repulsion_weight * hinge_repulsion(prediction).mean(),
             "generator": self.adversarial_weight * (judged - 1).square().mean(),
-            "discriminator": (true - 1).square().mean() + made.square().mean(),
+            "discriminator": (real - 1).square().mean() + generated.square().mean(),
         }
 
 
 class Discriminator(nn.Module):
-    """How much a cloud looks like a true one: 1 if it does, 0 if it's made (Fig. 4 of the paper)."""
+    """How much a cloud looks like a true one: 1 if it does, 0 if it is generated (Fig. 4 of the paper)."""
 
     def __init__(self, channels: int = 32) -> None:
         super().__init__()
@@ -105,12 +105,12 @@ def uniformity(points: Points) -> Float[Tensor, " b"]:
     rows = [torch.from_numpy(farthest_points(row.cpu().numpy(), max(1, int(SEEDS * n)))) for row in fixed]
     centres = gather(fixed, torch.stack(rows).unsqueeze(-1).to(points.device)).squeeze(2)  # (b seeds 3)
     sizes = [min(n, max(2, int(share * n))) for share in SHARES]
-    near = knn(centres, fixed, max(sizes))
-    away = (gather(fixed, near) - centres.unsqueeze(2)).norm(dim=-1)
+    index = knn(centres, fixed, max(sizes))
+    away = (gather(fixed, index) - centres.unsqueeze(2)).norm(dim=-1)
     even = math.sqrt(math.pi / n)
     total = points.new_zeros(len(points))
     for share, size in zip(SHARES, sizes, strict=True):
-        inside = torch.where(away[..., :size] <= math.sqrt(share), near[..., :size], near[..., :1])
+        inside = torch.where(away[..., :size] <= math.sqrt(share), index[..., :size], index[..., :1])
         disc = gather(points, inside.flatten(1, 2).unsqueeze(-1)).view(*inside.shape, 3)
         gap = (disc - disc.gather(2, _nearest_other(disc).unsqueeze(-1).expand_as(disc))).square().sum(-1)
         uneven = ((gap + TINY).sqrt() - even).square() / even

@@ -1,4 +1,4 @@
-"""The joint loss of PU-Net: points near their own true point, and apart from each other.
+"""The joint loss of PU-Net: earth mover's distance and repulsion.
 
 Yu et al., "PU-Net: Point Cloud Upsampling Network", CVPR 2018, in the form of its code: 100 times the mean
 over points *and* coordinates of the squared difference to the matched true point, and the repulsion once. The clouds

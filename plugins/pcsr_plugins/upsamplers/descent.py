@@ -111,7 +111,7 @@ class Descent(DistanceRegressor):
     def _distance(
         self, queries: Dense, points: Points, lifted: Float[Tensor, "b n hidden"], *, twice: bool = False
     ) -> Float[Tensor, "b rn"]:
-        """`twice`: it will be differentiated twice, and what `mix` is made of can be once."""
+        """`twice`: for a result that is differentiated twice; `mix` can be differentiated once only."""
         index, weights = inverse_distance(queries, points)
         read = (weights.unsqueeze(-1) * gather(lifted, index)).sum(2) if twice else mix(lifted, index, weights)
         weight, bias = self.layers[0].parameters()
@@ -122,5 +122,5 @@ class Descent(DistanceRegressor):
 
 
 def _recordable(tensor: Tensor) -> Tensor:
-    """A tensor that was made in inference mode takes no part in a gradient; a copy of it does."""
+    """A tensor that gradients can be recorded of: a copy, if it was created in inference mode."""
     return tensor.clone() if tensor.is_inference() else tensor

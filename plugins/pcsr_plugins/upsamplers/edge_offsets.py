@@ -65,19 +65,19 @@ class EdgeOffsets(Upsampler):
         around = frames.around(self.spokes)
         index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges()))
         known = self.here(features).unsqueeze(2) + gather(self.there(features), index) + self.edge(edges)
-        up, theirs = frames.normal.unsqueeze(2), gather(frames.normal, index)
+        up, neighbour_normals = frames.normal.unsqueeze(2), gather(frames.normal, index)
         unit, rough = frames.unit.unsqueeze(2), frames.rough.unsqueeze(2)
         rings = math.ceil(self.surplus * rate / around.shape[2])
-        made = [points.unsqueeze(2)]
+        clouds = [points.unsqueeze(2)]
         for ring in range(1, rings + 1):
             share = FARTHEST * ring / rings
             step = self.share(torch.tensor([share, share * share], dtype=points.dtype, device=points.device))
             # As a surface bends, so does its normal: around a thin limb the middle of an edge is pushed aside, not up.
-            normal = F.normalize(torch.lerp(up, theirs, share), dim=-1)
+            normal = F.normalize(torch.lerp(up, neighbour_normals, share), dim=-1)
             height, reach = (rough * self.mlp(known + step)).split(1, dim=-1)
             along = share * 2 * torch.sigmoid(reach)  # an untrained one goes all of its share
-            made.append(points.unsqueeze(2) + unit * (along * offsets + height * normal))
-        return torch.cat(made, dim=2).flatten(1, 2)
+            clouds.append(points.unsqueeze(2) + unit * (along * offsets + height * normal))
+        return torch.cat(clouds, dim=2).flatten(1, 2)
 
 
 def _chosen(of_edges: Shaped[Tensor, "b n k *c"], columns: Int[Tensor, "b n s"]) -> Shaped[Tensor, "b n s *c"]:

@@ -1,4 +1,4 @@
-"""The levels of 3PU (MPU): each doubles the points of the one before, looking at them anew.
+"""The levels of 3PU (MPU): each doubles the points of the one before, from features of their own.
 
 Wang et al., "Patch-based Progressive 3D Point Set Upsampling", CVPR 2019, with the sizes of its code. A level
 has features f of the points p of its cloud. Each point becomes two copies, distinguished by a code of one number::
@@ -157,7 +157,7 @@ def nearby_mean(cloud: Points, fresh: Features, before: Float[Tensor, "b q 3"], 
         weights = _closeness(cloud, before, index) * _closeness(fresh, known, index)
         weights = weights / (weights + 1e-5).sum(-1, keepdim=True)
     mean = torch.zeros_like(fresh)
-    for weight, one in zip(weights.unbind(-1), index.unbind(-1), strict=True):  # (b n k c) is never made
+    for weight, one in zip(weights.unbind(-1), index.unbind(-1), strict=True):  # (b n k c) is never stored
         mean = mean + weight.unsqueeze(-1) * _take(known, one)
     return mean
 

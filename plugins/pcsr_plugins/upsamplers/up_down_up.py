@@ -29,7 +29,7 @@ HIDDEN = 64
 
 
 class UpDownUp(Upsampler):
-    """The lines of the module's docstring; `surplus` is how many more copies of a point are made than wanted."""
+    """The lines of the module's docstring; `surplus` is the number of copies of each point beyond those wanted."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 

@@ -21,7 +21,7 @@ STEEPEST = 1.6
 """How fast a field may change, in mm for each mm: bends and ripples stretch distances."""
 
 TRIANGLES = 16_000
-"""About as many are made."""
+"""Approximate number of triangles of a body's mesh."""
 
 HALVINGS = 2
 """How often the grid is refined; each time only near the surface."""
@@ -54,7 +54,7 @@ def solid_of(field: Field) -> Manifold:
 def _extent(field: Field) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
     """Two corners of a box around the body, and the step of a grid that gives it about `TRIANGLES`; 0 without a body.
 
-    An edge of the grid that crosses the surface becomes two triangles. How many there are hangs on the area alone,
+    An edge of the grid that crosses the surface becomes two triangles. Their number depends on the area alone,
     so that a coarse grid shows it.
     """
     axis = np.linspace(-REACH, REACH, int(2 * REACH / SEARCH) + 1)
@@ -63,11 +63,15 @@ def _extent(field: Field) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"
     crossings = sum(int(np.diff(values < 0, axis=a).sum()) for a in range(3))
     if not crossings:
         return np.zeros(3), np.zeros(3), 0.0
-    near = axis[np.argwhere(_near(values, SEARCH))]
-    return near.min(axis=0) - SEARCH, near.max(axis=0) + SEARCH, SEARCH * float(np.sqrt(2 * crossings / TRIANGLES))
+    corners = axis[np.argwhere(_close(values, SEARCH))]
+    return (
+        corners.min(axis=0) - SEARCH,
+        corners.max(axis=0) + SEARCH,
+        SEARCH * float(np.sqrt(2 * crossings / TRIANGLES)),
+    )
 
 
-def _near(values: Float[np.ndarray, "x y z"], step: float) -> Bool[np.ndarray, "x y z"]:
+def _close(values: Float[np.ndarray, "x y z"], step: float) -> Bool[np.ndarray, "x y z"]:
     """Where the surface may be half a step away, in all three directions."""
     return np.asarray(values < STEEPEST * step * np.sqrt(3) / 2)
 
@@ -75,12 +79,12 @@ def _near(values: Float[np.ndarray, "x y z"], step: float) -> Bool[np.ndarray, "
 def _refined(
     field: Field, values: Float[np.ndarray, "x y z"], low: Float[np.ndarray, "3"], step: float
 ) -> tuple[Float[np.ndarray, "x2 y2 z2"], Float[np.ndarray, "3"]]:
-    """Each place of the grid split into eight, and where they start; far from the surface values stay as they were."""
+    """Each cell of the grid split into eight, and where they start; far from the surface values stay as they were."""
     low = low - step / 4
-    near = _near(np.abs(values), step)
+    close = _close(np.abs(values), step)
     for a in range(3):
-        values, near = np.repeat(values, 2, axis=a), np.repeat(near, 2, axis=a)
-    values[near] = field(low + step / 2 * np.argwhere(near))
+        values, close = np.repeat(values, 2, axis=a), np.repeat(close, 2, axis=a)
+    values[close] = field(low + step / 2 * np.argwhere(close))
     return values, low
 
 

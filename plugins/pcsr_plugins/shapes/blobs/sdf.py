@@ -1,4 +1,4 @@
-"""What smooth bodies are made of: limbs and ellipsoids that flow into one another, dents, bends and detail.
+"""Signed distance fields of smooth bodies: limbs and ellipsoids that flow into one another, dents, bends and detail.
 
 A field is about the distance to the surface in mm, negative inside. Nothing depends on where it is evaluated.
 """
@@ -14,7 +14,7 @@ from pcsr_plugins.shapes.shared.draw import Draw, Number
 Field = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 """Points in mm to values in mm."""
 
-Place = Sequence[Number]
+Position = Sequence[Number]
 """x, y and z in mm; z points up."""
 
 PIECES = 4
@@ -27,7 +27,7 @@ RIPPLES = 8
 """Waves of one length: fewer look like corrugated sheet."""
 
 
-def ellipsoid(centre: Place, radii: Place) -> Field:
+def ellipsoid(centre: Position, radii: Position) -> Field:
     """With half axes `radii` along x, y and z."""
     middle, r = np.asarray(centre, float), np.asarray(radii, float)
 
@@ -41,7 +41,7 @@ def ellipsoid(centre: Place, radii: Place) -> Field:
     return value
 
 
-def limb(points: Sequence[Place], radii: Sequence[Number], closed: bool = False) -> Field:
+def limb(points: Sequence[Position], radii: Sequence[Number], closed: bool = False) -> Field:
     """A smooth curve through points, thick by the radius at each; closed, it ends where it begins."""
     through, thick = np.asarray(points, float), np.asarray(radii, float)
     if closed:
@@ -76,19 +76,19 @@ def limb(points: Sequence[Place], radii: Sequence[Number], closed: bool = False)
         if len(through) == 2:
             return nearest
         # From the nearest piece to the curve beside it: without this step the pieces would show.
-        near = np.flatnonzero(np.abs(nearest) < FAR)
-        when = (piece + share)[near] * steps[1]
-        here, direction = at[near], tangent(when)
+        close = np.flatnonzero(np.abs(nearest) < FAR)
+        when = (piece + share)[close] * steps[1]
+        here, direction = at[close], tangent(when)
         when += ((here - curve(when)) * direction).sum(axis=1) / (direction**2).sum(axis=1)
         when = np.mod(when, end) if closed else np.clip(when, 0, end)
         steep = np.sqrt(1 + flare(when) ** 2 / (tangent(when) ** 2).sum(axis=1))
-        nearest[near] = (np.linalg.norm(here - curve(when), axis=1) - girth(when)) / steep
+        nearest[close] = (np.linalg.norm(here - curve(when), axis=1) - girth(when)) / steep
         return nearest
 
     return value
 
 
-def ring(centre: Place, radius: Number, thick: Number, normal: Place = (0, 0, 1)) -> Field:
+def ring(centre: Position, radius: Number, thick: Number, normal: Position = (0, 0, 1)) -> Field:
     """A torus around the axis `normal`."""
     middle, axis = np.asarray(centre, float), np.asarray(normal, float)
     axis = axis / np.linalg.norm(axis)
@@ -145,7 +145,7 @@ def _inverted(field: Field) -> Field:
     return lambda at: -field(at)
 
 
-def moved(field: Field, by: Place) -> Field:
+def moved(field: Field, by: Position) -> Field:
     """The body elsewhere."""
     shift = np.asarray(by, float)
     return lambda at: field(at - shift)

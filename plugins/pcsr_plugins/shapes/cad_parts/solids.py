@@ -1,4 +1,4 @@
-"""The solids that parts are made of: rounded outlines, tubes, rings of holes, turned profiles, wires."""
+"""Solids of parts: rounded outlines, tubes, rings of holes, turned profiles, wires."""
 
 from collections.abc import Iterable, Sequence
 

@@ -21,7 +21,7 @@ class Meshes(ShapeSource):
     """STL, OBJ, PLY, OFF and GLB files anywhere under a folder.
 
     Files of one sub-folder are one group and fall to one split, so that variants of an object never straddle
-    two; a file at the top is a group of its own. The split hangs on the group's name and the seed alone:
+    two; a file at the top is a group of its own. The split depends on the group's name and the seed alone:
     adding or removing files moves no other file. A table may give both instead.
     """
 

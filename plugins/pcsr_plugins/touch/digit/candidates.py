@@ -53,10 +53,10 @@ class Candidates:
         # Which side of a face is outside is asked of the rays: the faces of a careless mesh may be turned.
         above = rays.heights(points, frames[:, :, 2])
         below = rays.heights(points, -frames[:, :, 2])
-        near = 1e-5 * rays.reach
-        turned = np.abs(above) > near
+        tolerance = 1e-5 * rays.reach
+        turned = np.abs(above) > tolerance
         frames[turned] *= np.array([1.0, -1.0, -1.0])
-        is_open = ~turned | (np.abs(below) < near)
+        is_open = ~turned | (np.abs(below) < tolerance)
         parts = (np.split(array, len(rngs)) for array in (points, frames, presses, is_open))
         return [cls(*part) for part in zip(*parts, strict=True)]
 

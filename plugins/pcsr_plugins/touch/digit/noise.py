@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import Options
 
 WAVES = 128
-"""Plane waves that a drift field is made of."""
+"""Number of plane waves of a drift field."""
 
 
 Deviation = Annotated[float, Field(ge=0, le=1000)]
