@@ -9,7 +9,6 @@ import click
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, jobs_option
 from pcsr.errors import PcsrWarning, UserError
-from pcsr.validation_messages import shown
 
 PIPE = Path("-")
 
@@ -117,6 +116,8 @@ def upsample(
         try:
             loaded = load(model, plugins=plugins, device=device_name)
         except UserError as error:
+            from pcsr.validation_messages import shown
+
             raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
         task = progress.add_task("upsampling", total=len(given.points))
         dense = loaded.upsample(
@@ -154,6 +155,8 @@ def _device(name: str) -> str:
     if name == "auto":
         return "cuda" if found else "cpu"
     if name != "cpu" and not re.fullmatch(r"cuda(:\d{1,3})?", name):
+        from pcsr.validation_messages import shown
+
         raise UserError(f"--device {shown(name)}: pcsr computes on auto, cpu, cuda, or cuda:1 for the second device")
     if name != "cpu" and not found:
         raise UserError(f"--device {name}: torch finds no CUDA device here; use cpu, or install torch for CUDA")

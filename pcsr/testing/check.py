@@ -34,7 +34,7 @@ class Outcome:
 
     Examples:
         >>> pcsr.testing.Check("nothing", lambda: None).outcome()
-        Outcome(check='nothing', result='passed', message='')
+        Outcome(check='nothing', result='passed', reason='')
     """
 
     check: str

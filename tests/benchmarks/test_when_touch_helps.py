@@ -123,9 +123,7 @@ def test_of_one_object_there_is_no_standard_error(made, runs):
 
 
 def test_runs_that_do_not_belong_together_are_refused(made, runs):
-    with pytest.raises(
-        UserError, match=r"runs holds no run of a study: `pcsr run recipes/touch/size.yaml --runs \S+runs`"
-    ):
+    with pytest.raises(UserError, match=r"runs holds no run of a study: `pcsr run touch/size --runs \S+runs`"):
         studies.read(runs)
     made("size-a", objects=("a", "b"))
     old = made("size-a", sha="0" * 64)
@@ -289,5 +287,5 @@ def test_what_was_not_run_stays_as_it_is(made, runs, tmp_path):
 
 
 def test_the_page_names_every_study():
-    assert re.findall(r"pcsr run recipes/touch/(\w+)\.yaml\n", PAGE) == list(studies.STUDIES)
+    assert re.findall(r"pcsr run touch/(\w+)\n", PAGE) == list(studies.STUDIES)
     assert f"for study in {' '.join(studies.STUDIES)}; do" in PAGE

@@ -15,7 +15,7 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import PartSpec, RecipeError, from_resolved, load
 from pcsr.recipe.schema import options_model
 
-TAPSR = Path(__file__).parents[2] / "recipes" / "tapsr.yaml"
+TAPSR = Path(__file__).parents[2] / "pcsr" / "recipes" / "tapsr.yaml"
 
 
 def recipe(write, registry, text="name: a", overrides=()):
