@@ -75,12 +75,12 @@ def touched(shapes: Sequence[Shape], source: pcsr.TouchSource, count: int) -> li
     """
     kept = []
     for shape in shapes:
-        try:  # places are drawn uniformly from the surface whatever the cloud is, so both rates have the same touches
-            felt = source.touches(ShapeItem(shape.name, shape.name, shape.mesh), shape.sparse[4], count, SEED)
+        try:  # touches are drawn uniformly from the surface whatever the cloud is, so both rates have the same touches
+            touches = source.touches(ShapeItem(shape.name, shape.name, shape.mesh), shape.sparse[4], count, SEED)
         except UserError as error:
             click.echo(f"{shape.name} is left out, as it cannot be touched: {error}", err=True)
             continue
-        kept.append(replace(shape, touches=tuple(touch.points for touch in felt)))
+        kept.append(replace(shape, touches=tuple(touch.points for touch in touches)))
     if not kept:
         raise UserError(f"none of {len(shapes)} shapes can be touched {count} times: give another --size, or fewer")
     return kept
@@ -111,7 +111,7 @@ def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, 
         UserError: a model has no network.
     """
     passes = 2 if rate == 16 else 1  # 16x as 4x twice, as the field does it and as is much better
-    compared: dict[str, Upsample] = {"midpoint": lambda points, felt: midpoint(points, rate, passes=passes)}
+    compared: dict[str, Upsample] = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes)}
     for model in models:
         network, recipe = trained(model)
         if not serves(network, recipe, rate):
@@ -127,7 +127,7 @@ def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, 
 def by_protocol(network: Network, recipe: Recipe, rate: int, *, feels: bool) -> Upsample:
     """How a network is applied in its own tables, at this rate, with a shape's touches or without."""
     recipe = recipe.model_copy(update={"data": recipe.data.model_copy(update={"rate": rate})})
-    return lambda points, felt: upsample_as(recipe, network, points, felt if feels else ())
+    return lambda points, touches: upsample_as(recipe, network, points, touches if feels else ())
 
 
 def scores(dense: Cloud, shape: Shape) -> list[float]:

@@ -28,7 +28,7 @@ PARTS = {
     (sample, "_sparse"): "sample",
     (MeshRays, "__init__"): "prepare rays",
     (MeshRays, "depths"): "cast rays",
-    (Hand, "places"): "place",
+    (Hand, "candidates"): "draw candidates",
     (Digit, "touches"): "press",
     (sample, "covered"): "coverage",
 }

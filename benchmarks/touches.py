@@ -17,6 +17,7 @@ from pcsr.clouds.touch import covered_area_share
 from pcsr.geometry.sampling import surface_points
 from pcsr_plugins.shapes.cad_parts import CadParts
 from pcsr_plugins.touch.digit import Digit
+from pcsr_plugins.touch.digit.policies import PolicyOptions
 from pcsr_plugins.touch.digit.sensors import SensorOptions
 
 SENSORS = ("digit", "digit-tacto", "gelsight-mini", "smith-2020", "smith-2021")
@@ -24,7 +25,7 @@ POLICIES = ("uniform", "spread", "sparse", "grasp")
 SIZES = (30.0, 60.0, 120.0, 320.0)
 
 
-def felt(digit: Digit, items: list[ShapeItem], count: int) -> Iterator[tuple[ShapeItem, list[Touch] | None]]:
+def touched(digit: Digit, items: list[ShapeItem], count: int) -> Iterator[tuple[ShapeItem, list[Touch] | None]]:
     """The touches of each object, None where it was refused; the cloud is 512 random points."""
     for item in track(items, console=Console(stderr=True), transient=True):
         cloud = surface_points(item.mesh, 512, np.random.default_rng(0))
@@ -36,7 +37,7 @@ def felt(digit: Digit, items: list[ShapeItem], count: int) -> Iterator[tuple[Sha
 
 def covered(digit: Digit, items: list[ShapeItem]) -> tuple[list[str], str, str]:
     """Median share of the surface that 1 to 5 touches cover; their contacts; how many objects were refused."""
-    kept = [(item, touches) for item, touches in felt(digit, items, 5) if touches]
+    kept = [(item, touches) for item, touches in touched(digit, items, 5) if touches]
     shares = [[covered_area_share(touches[:k], item.mesh.area) for k in range(1, 6)] for item, touches in kept]
     median = [f"{100 * share:.2f} %" for share in np.median(shares, axis=0)]
     return median, contacts([touches for _, touches in kept]), str(len(items) - len(kept))
@@ -65,11 +66,11 @@ if __name__ == "__main__":
     rows = []
     for sensor in SENSORS:
         digits = [Digit(sensor=SensorOptions(use=sensor), object_size=size) for size in (60.0, 320.0)]
-        found = [[touches for _, touches in felt(digit, parts[:24], 2) if touches] for digit in digits]
+        found = [[touches for _, touches in touched(digit, parts[:24], 2) if touches] for digit in digits]
         rows.append([f"`{sensor}`", *map(contacts, found)])
     title = "contact in mm², at 10, 50 and 90 %, 24 parts, two touches each"
     show("sensors", title, ("sensor", "at 60 mm", "at 320 mm"), rows)
-    rows = [[f"`{policy}`", *covered(Digit(policy=policy), parts)[0]] for policy in POLICIES]
+    rows = [[f"`{policy}`", *covered(Digit(policy=PolicyOptions(use=policy)), parts)[0]] for policy in POLICIES]
     show("policies", "median share covered by 1 to 5 touches at 60 mm", ("policy", *counts), rows)
     rows = []
     for size in SIZES:

@@ -100,10 +100,10 @@ def test_touches_go_to_the_row_that_names_them_and_only_to_networks_trained_with
     monkeypatch.setattr(script, "upsample_as", lambda *args: given.append(args))
     compared = script.methods([tapsr, vision], 16, 4)
     assert list(compared) == ["midpoint", "tapsr", "tapsr, 4 touches", "vision"]
-    points, felt = np.zeros((16, 3)), (np.ones((5, 3)),)
+    points, contacts = np.zeros((16, 3)), (np.ones((5, 3)),)
     for name in ("tapsr", "tapsr, 4 touches", "vision"):
-        compared[name](points, felt)
-    assert [touches for *_, touches in given] == [(), felt, ()]
+        compared[name](points, contacts)
+    assert [touches for *_, touches in given] == [(), contacts, ()]
     assert [network for _, network, *_ in given] == [tapsr.network, tapsr.network, vision.network]
     assert list(script.methods([tapsr], 16, 1)) == ["midpoint", "tapsr", "tapsr, 1 touch"]
     assert list(script.methods([tapsr], 16, 0)) == ["midpoint", "tapsr"]
@@ -113,10 +113,10 @@ def test_each_rate_is_asked_of_the_network_whatever_it_was_trained_at():
     frames = model("frames")
     for rate in (4, 16):
         compared = script.methods([frames], rate, 2)
-        points, felt = shape().sparse[rate], (shape().truth[:40], shape().truth[40:80])
-        plain, touched = compared["small"](points, felt), compared["small, 2 touches"](points, felt)
-        assert len(plain) == len(touched) == len(compared["midpoint"](points, felt)) == 512
-        away = [np.median(cKDTree(dense).query(felt[0])[0]) for dense in (touched, plain)]
+        points, contacts = shape().sparse[rate], (shape().truth[:40], shape().truth[40:80])
+        plain, touched = compared["small"](points, contacts), compared["small, 2 touches"](points, contacts)
+        assert len(plain) == len(touched) == len(compared["midpoint"](points, contacts)) == 512
+        away = [np.median(cKDTree(dense).query(contacts[0])[0]) for dense in (touched, plain)]
         assert away[0] < 1e-5 < away[1], "most touched points are in the result; some are too near to one another"
 
 
@@ -170,7 +170,7 @@ def test_the_distance_to_the_mesh_is_in_its_unit():
 
 def test_cells_are_means_and_standard_deviations_over_the_shapes():
     shapes = [shape("ball"), shape("box")]
-    table = script.table(shapes, {"again": lambda points, felt: points}, 16, "title")
+    table = script.table(shapes, {"again": lambda points, contacts: points}, 16, "title")
     values = np.array([script.scores(one.sparse[16], one) for one in shapes])
     cells = [next(iter(column.cells)) for column in table.columns]
     wanted = [f"{values[:, k].mean():.3f} ± {values[:, k].std(ddof=1):.3f}" for k in range(4)]

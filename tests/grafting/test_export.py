@@ -30,9 +30,9 @@ def test_an_exported_graft_gives_the_same_for_any_batch(world):
     shapes = {"args": ({0: batch}, None), "touches": {0: batch}, "mask": {0: batch}}
     program = torch.export.export(grafted, args, kwargs, dynamic_shapes=shapes).module()
     order = [2, 0, 1, 1, 2]
-    felt = {"touches": touches[order], "mask": mask[order]}
-    given = case.call(program, points[order], **felt)
-    torch.testing.assert_close(given, case.call(grafted, points[order], **felt), atol=1e-5, rtol=0)
+    touched = {"touches": touches[order], "mask": mask[order]}
+    given = case.call(program, points[order], **touched)
+    torch.testing.assert_close(given, case.call(grafted, points[order], **touched), atol=1e-5, rtol=0)
     torch.testing.assert_close(given[2], case.call(grafted, points[order])[2], atol=1e-5, rtol=0)
     assert (given[1] - case.call(grafted, points[order])[1]).abs().max() > 1e-3
 
@@ -58,9 +58,9 @@ def test_fusions_that_pair_points_are_exported_for_any_batch(world, fusion):
     args, kwargs = (points.transpose(1, 2), 4), {"touches": touches, "mask": mask}
     program = torch.export.export(grafted, args, kwargs, dynamic_shapes=shapes).module()
     for order in ([0, 1, 2], [2, 0, 1, 1, 2], [1, 0]):
-        felt = {"touches": touches[order], "mask": mask[order]}
-        given = case.call(program, points[order], **felt)
-        assert torch.equal(given, case.call(grafted, points[order], **felt))
+        touched = {"touches": touches[order], "mask": mask[order]}
+        given = case.call(program, points[order], **touched)
+        assert torch.equal(given, case.call(grafted, points[order], **touched))
         assert not torch.equal(given, case.call(grafted, points[order]))
     # A row without touches is left out of an eager fusion: a smaller batch, which may be rounded otherwise.
     mask = torch.tensor([[True, True], [False, False], [True, False]])

@@ -43,8 +43,8 @@ def test_rows_of_a_mixed_batch_are_the_rows_alone(case, world, fusion):
     mixed = case.call(grafted, points, touches=touches, mask=mask)
     for row, count in enumerate((2, 0, 1)):
         one = slice(row, row + 1)
-        felt = {"touches": touches[one, :count]} if count else {}
-        torch.testing.assert_close(mixed[one], case.call(grafted, points[one], **felt), atol=1e-5, rtol=0)
+        touched = {"touches": touches[one, :count]} if count else {}
+        torch.testing.assert_close(mixed[one], case.call(grafted, points[one], **touched), atol=1e-5, rtol=0)
 
 
 def test_gradients_reach_the_tactile_parts_and_the_network(case, world):

@@ -26,11 +26,11 @@ def test_the_fused_features_are_those_of_the_hosts_own_fuse(world):
 @torch.no_grad()
 def test_the_points_are_those_that_entered_even_if_the_network_moves_them(world, monkeypatch):
     points, touches = world
-    heard = []
+    messages = []
     grafted = CASES["transformer"].graft()
-    grafted.fusion.register_forward_hook(lambda fusion, args, output: heard.append(args[0]))
+    grafted.fusion.register_forward_hook(lambda fusion, args, output: messages.append(args[0]))
     grafted(points + 5, touches=touches + 5)
-    assert torch.equal(heard[0], points + 5)
+    assert torch.equal(messages[0], points + 5)
 
 
 @torch.no_grad()
@@ -47,10 +47,10 @@ def test_channels_behind_the_coordinates_are_allowed_where_stated(world):
     network = nn.Sequential(nn.Linear(6, 8), nn.Linear(8, 3))
     grafted = graft(network, "0", probe=torch.rand(1, 5, 6), points_layout="bnc", fusion="concat", registry=PLUGINS)
     normals = torch.randn(3, N, 3)
-    heard = []
-    grafted.fusion.register_forward_hook(lambda fusion, args, output: heard.append(args[0]))
+    messages = []
+    grafted.fusion.register_forward_hook(lambda fusion, args, output: messages.append(args[0]))
     assert grafted(torch.cat([points, normals], -1), touches=touches).shape == (3, N, 3)
-    assert torch.equal(heard[0], points)
+    assert torch.equal(messages[0], points)
 
 
 def test_points_that_are_not_where_the_probe_had_them_are_refused(world):

@@ -50,8 +50,8 @@ class PlainAttention(ShiftedChannelAttention):
             torch.stack([layer(x)[..., start : start + self.width] for start in starts], 1)
             for layer in (self.query, self.key, self.value)
         )
-        heard = torch.softmax(q @ k.transpose(-1, -2), dim=-1) @ v  # (b heads n w)
-        return self.out(heard.transpose(1, 2).flatten(2))
+        messages = torch.softmax(q @ k.transpose(-1, -2), dim=-1) @ v  # (b heads n w)
+        return self.out(messages.transpose(1, 2).flatten(2))
 
 
 class PlainPUTransformer(PUTransformer):
@@ -65,10 +65,10 @@ class PlainPUTransformer(PUTransformer):
 class PlainIterative(Iterative):
     def forward(self, points, features, touches):
         order = hilbert_order(points)
-        fp, heard = along(order, features), pair(points, touches)
+        fp, messages = along(order, features), pair(points, touches)
         f = fp
         for i in range(touches.mask.shape[1]):
-            fm = self.mlp(torch.cat([along(order, heard[:, i]), f], dim=-1))
+            fm = self.mlp(torch.cat([along(order, messages[:, i]), f], dim=-1))
             if self.pool == "global":
                 fm = fm.amax(1, keepdim=True).expand_as(fm)
             fused = self.deconv(torch.cat([fm, fp], dim=-1).transpose(1, 2)).transpose(1, 2)
@@ -84,10 +84,10 @@ class PlainShuffle(Shuffle):
         assert rate % 8 == 0
         b, n, _ = features.shape
         moves = self.mlp(features.reshape(b, n, rate, -1))
-        ways = edges(points, neighbours(points, 9)[..., 1:])[..., 3:]  # (b n 8 3)
-        spacing = ways.norm(dim=-1).mean(-1)[..., None, None]
+        offsets = edges(points, neighbours(points, 9)[..., 1:])[..., 3:]  # (b n 8 3)
+        spacing = offsets.norm(dim=-1).mean(-1)[..., None, None]
         shares = [0.4 * (1 - ring * 8 / rate) for ring in range(rate // 8)]
-        starts = points.unsqueeze(2) + torch.cat([share * ways for share in shares], dim=2)
+        starts = points.unsqueeze(2) + torch.cat([share * offsets for share in shares], dim=2)
         return (starts + spacing * moves).flatten(1, 2)
 
 

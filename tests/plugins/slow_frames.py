@@ -26,32 +26,32 @@ def grid(side=12):
 
 
 def slow_frame(points, i, neighbours):
-    """Of one point: its neighbours, the ways to them in units of the spacing, that, the normal and how rough it is."""
+    """One point's neighbours, offsets to them in units of the spacing, the spacing, normal and roughness."""
     near = (points - points[i]).norm(dim=1).argsort()[1 : neighbours + 1]
     unit = (points[near] - points[i])[:8].norm(dim=1).mean()
-    ways = (points[near] - points[i]) / unit
-    normal = torch.linalg.svd((ways - ways.mean(0)).double()).Vh[-1].to(points.dtype)
-    normal = normal * (1 if (ways @ normal).sum() >= 0 else -1)
-    return near, ways, unit, normal, (ways @ normal).square().mean().sqrt()
+    offsets = (points[near] - points[i]) / unit
+    normal = torch.linalg.svd((offsets - offsets.mean(0)).double()).Vh[-1].to(points.dtype)
+    normal = normal * (1 if (offsets @ normal).sum() >= 0 else -1)
+    return near, offsets, unit, normal, (offsets @ normal).square().mean().sqrt()
 
 
-def slow_edge(here, there, way):
+def slow_edge(here, there, offset):
     """What tells the edge from one frame to another."""
-    _, ways, unit, normal, rough = here
-    _, ways_j, unit_j, normal_j, rough_j = there
-    angles = [way @ normal, way @ normal_j, normal @ normal_j]
-    ends = [(unit_j / unit).log(), rough_j - rough, way @ ways.mean(0), way @ ways_j.mean(0)]
-    return torch.stack([way.norm(), *angles, *ends])
+    _, offsets, unit, normal, rough = here
+    _, offsets_j, unit_j, normal_j, rough_j = there
+    angles = [offset @ normal, offset @ normal_j, normal @ normal_j]
+    ends = [(unit_j / unit).log(), rough_j - rough, offset @ offsets.mean(0), offset @ offsets_j.mean(0)]
+    return torch.stack([offset.norm(), *angles, *ends])
 
 
-def slow_around(ways, normal, spokes):
-    """Which of a point's ways lead around it: angle by angle the cheapest; empty ones take the nearest in turn."""
-    spokes = min(spokes, len(ways))
+def slow_around(offsets, normal, spokes):
+    """Columns of a point's neighbours around it: in each sector the cheapest; empty ones take the nearest in turn."""
+    spokes = min(spokes, len(offsets))
     within = [[] for _ in range(spokes)]
-    for column, way in enumerate(ways):
-        turn = torch.linalg.det(torch.stack([ways[0], way, normal]))
-        angle = math.atan2(turn, ways[0] @ way - (ways[0] @ normal) * (way @ normal))
-        cost = way.norm() + 2 * (way @ normal).abs()
+    for column, offset in enumerate(offsets):
+        turn = torch.linalg.det(torch.stack([offsets[0], offset, normal]))
+        angle = math.atan2(turn, offsets[0] @ offset - (offsets[0] @ normal) * (offset @ normal))
+        cost = offset.norm() + 2 * (offset @ normal).abs()
         within[round(angle / (2 * math.pi / spokes)) % spokes].append((cost.item(), column))
     nearest = iter(range(spokes))
     return [min(those)[1] if those else next(nearest) for those in within]

@@ -174,9 +174,9 @@ class MovesTheCloud(Pats):
 
 class MovesTheMesh(Pats):
     def touches(self, item, cloud, count, seed):
-        felt = super().touches(item, cloud, count, seed)
+        touched = super().touches(item, cloud, count, seed)
         item.mesh.apply_translation([1, 0, 0])
-        return felt
+        return touched
 
 
 # --- shapes

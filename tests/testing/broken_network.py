@@ -203,8 +203,8 @@ class RemembersTouches(Join):
 
 class SumsOfTouches(Attend):
     def forward(self, points, features, touches):
-        heard = touches.features.sum((1, 2, 3)) / (1 / (touches.points.shape[2] - 1))
-        return super().forward(points, features, touches) + heard[:, None, None]
+        messages = touches.features.sum((1, 2, 3)) / (1 / (touches.points.shape[2] - 1))
+        return super().forward(points, features, touches) + messages[:, None, None]
 
 
 class VarianceOfTouches(Attend):
@@ -221,8 +221,8 @@ class IgnoresTheMask(Attend):
 
 class CountsByShape(Attend):
     def forward(self, points, features, touches):
-        heard = self.layer(touches.features) * touches.mask[:, :, None, None]
-        return features + heard.mean((1, 2)).unsqueeze(1)
+        messages = self.layer(touches.features) * touches.mask[:, :, None, None]
+        return features + messages.mean((1, 2)).unsqueeze(1)
 
 
 class RefusesRagged(Join):

@@ -41,8 +41,8 @@ class Attend(Fusion):
 
     def forward(self, points, features, touches):
         there = touches.mask[:, :, None, None].to(features.dtype)
-        heard = (self.layer(touches.features) * there).sum((1, 2)) / there.sum((1, 2)) / touches.points.shape[2]
-        return features + torch.tanh(heard).unsqueeze(1)
+        messages = (self.layer(touches.features) * there).sum((1, 2)) / there.sum((1, 2)) / touches.points.shape[2]
+        return features + torch.tanh(messages).unsqueeze(1)
 
 
 class Join(Fusion):
@@ -58,9 +58,9 @@ class Join(Fusion):
         most = int(touches.mask.sum(1).max()) if touches.mask.numel() else 0
         rows = []
         for row, there, own in zip(points, touches.mask, touches.points, strict=True):
-            felt = own[there].flatten(0, 1)
+            touched = own[there].flatten(0, 1)
             missing = (most - int(there.sum())) * touches.points.shape[2]
-            rows.append(torch.cat([row, felt, row[:1].expand(missing, -1)]))
+            rows.append(torch.cat([row, touched, row[:1].expand(missing, -1)]))
         return torch.stack(rows)
 
 
@@ -87,8 +87,8 @@ class Copy(Upsampler):
     def forward(self, points, features, rate):
         if rate != self.rate:
             raise UserError(f"upsampler 'copy' was built for rate {self.rate}, not {rate}")
-        ways = self.layer(features)
-        return points.repeat_interleave(rate, 1) + ways.reshape(points.shape[0], -1, 3)
+        offsets = self.layer(features)
+        return points.repeat_interleave(rate, 1) + offsets.reshape(points.shape[0], -1, 3)
 
 
 class Squares(Objective):

@@ -142,14 +142,14 @@ def test_a_result_that_jumps_here_and_there_is_not_called_wrong(monkeypatch):
 
 def test_slopes_are_those_of_calculus():
     x = torch.tensor([0.5, -1.0], dtype=torch.float64, requires_grad=True)
-    way = {"x": torch.tensor([0.6, 0.8], dtype=torch.float64)}
-    slope, difference, number = slopes(lambda: (x**3).sum() * x.detach().sum(), {"x": x}, way, 1e-6)
-    by_hand = float((3 * x.detach() ** 2 * way["x"]).sum() * x.detach().sum())
+    direction = {"x": torch.tensor([0.6, 0.8], dtype=torch.float64)}
+    slope, difference, number = slopes(lambda: (x**3).sum() * x.detach().sum(), {"x": x}, direction, 1e-6)
+    by_hand = float((3 * x.detach() ** 2 * direction["x"]).sum() * x.detach().sum())
     assert slope == pytest.approx(by_hand, rel=1e-12)
     assert difference == pytest.approx(by_hand, rel=1e-8)
     assert number == pytest.approx(0.4375)
     assert x.tolist() == [0.5, -1.0]
-    wrong, right, _ = slopes(lambda: broken_network._Wrong.apply(x).sum(), {"x": x}, way, 1e-6)
+    wrong, right, _ = slopes(lambda: broken_network._Wrong.apply(x).sum(), {"x": x}, direction, 1e-6)
     assert wrong == pytest.approx(2.1 * 1.4)
     assert right == pytest.approx(2 * 1.4)
 

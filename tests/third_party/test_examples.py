@@ -58,8 +58,8 @@ def test_their_parts_are_listed_with_their_owners(environment, place):
 
 
 def test_their_own_tests_pass(environment, place):
-    said = environment(f"pytest -q -p no:cacheprovider {' '.join(PARTS.values())}", place)
-    assert int(re.search(r"(\d+) passed", said)[1]) >= 30
+    message = environment(f"pytest -q -p no:cacheprovider {' '.join(PARTS.values())}", place)
+    assert int(re.search(r"(\d+) passed", message)[1]) >= 30
 
 
 def test_a_recipe_runs_with_both(run_folder):
@@ -81,12 +81,13 @@ def test_uninstalled_it_leaves_the_rest_working_and_is_explained(environment, pl
         assert {("touch", "taxels"), ("fusion", "iterative")} <= owners.keys()
         why = environment("pcsr plugins --why attention", place)
         assert "no installed plugin registers a part or is called 'attention'" in why
-        said = environment("pcsr recipe check recipe.yaml", place, code=2)
-        assert "recipe.yaml:12:17: there is no fusion 'attention'" in said
+        message = environment("pcsr recipe check recipe.yaml", place, code=2)
+        assert "recipe.yaml:12:17: there is no fusion 'attention'" in message
         # Nothing that is installed knows who brought it; the weights do.
-        said = environment(f"pcsr upsample scan.ply -o dense.ply --model runs/{run_folder.name}", place, code=2)
+        message = environment(f"pcsr upsample scan.ply -o dense.ply --model runs/{run_folder.name}", place, code=2)
         assert (
-            "need fusion 'attention' of pcsr-fusion-attention 0.1.0: pip install pcsr-fusion-attention==0.1.0" in said
+            "need fusion 'attention' of pcsr-fusion-attention 0.1.0: pip install pcsr-fusion-attention==0.1.0"
+            in message
         )
         environment("pcsr recipe check recipe.yaml --set model.fusion=iterative", place)
     finally:

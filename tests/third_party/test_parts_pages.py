@@ -53,9 +53,9 @@ def test_the_example_is_what_a_command_writes(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_traits_are_those_that_the_kind_can_claim(kind):
-    told = set(re.findall(r"`([A-Z_]+)`", section(PAGES[kind], "Traits")))
-    assert told == {trait.name for trait in TRAITS[kind]}
-    assert told or "None says anything of" in PAGES[kind]
+    documented = set(re.findall(r"`([A-Z_]+)`", section(PAGES[kind], "Traits")))
+    assert documented == {trait.name for trait in TRAITS[kind]}
+    assert documented or "None says anything of" in PAGES[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -73,10 +73,10 @@ def test_what_is_handed_over_is_told_field_by_field(kind, record):
         *record.__dataclass_fields__,
         *(name for name, value in vars(record).items() if isinstance(value, property)),
     }
-    told = set(re.findall(r"`([a-z_]+)`", PAGES[kind]))
-    assert names <= told
+    documented = set(re.findall(r"`([a-z_]+)`", PAGES[kind]))
+    assert names <= documented
 
 
 def test_what_an_objective_may_call_is_told():
-    told = {row.removeprefix("network.") for row in rows(PAGES["objective"]) if row.startswith("network")}
-    assert told == {*methods(contracts.UpsamplingNetwork), "upsampler", "network(points, rate, touches)"}
+    documented = {row.removeprefix("network.") for row in rows(PAGES["objective"]) if row.startswith("network")}
+    assert documented == {*methods(contracts.UpsamplingNetwork), "upsampler", "network(points, rate, touches)"}

@@ -66,10 +66,10 @@ def test_weights_say_what_has_to_be_installed(done):
     run = next(path for path in (folder / "runs").glob("small-fusion.my.fusion-*") if path.is_dir())
     with pytest.raises(pcsr.UserError) as caught:
         pcsr.load(run)
-    said = str(caught.value).replace(f"{folder}/", "")
+    message = str(caught.value).replace(f"{folder}/", "")
     start, end = QUOTED.split("…")
-    assert said.startswith(start)
-    assert said.endswith(end)
+    assert message.startswith(start)
+    assert message.endswith(end)
 
 
 @pytest.mark.parametrize("kind", KINDS)

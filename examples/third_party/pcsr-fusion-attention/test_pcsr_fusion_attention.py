@@ -79,9 +79,9 @@ def test_a_point_hears_the_nearest_touched_points_alone():
     part, (points, features, touches) = fusion(neighbours=3), world()
     distance = torch.cdist(points, touches.flat_points)
     distance = distance.masked_fill(touches.flat_padding.unsqueeze(1), torch.inf)
-    heard = distance[0, 0].argsort()[:3]
+    received = distance[0, 0].argsort()[:3]
     far = torch.ones(21, dtype=torch.bool)
-    far[heard] = False
+    far[received] = False
     other = touches.flat.clone()
     other[0, far] += 1.0
     changed = TouchBatch(touches.points, other.view_as(touches.features), touches.mask)

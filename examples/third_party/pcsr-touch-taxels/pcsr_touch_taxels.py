@@ -99,8 +99,8 @@ class Taxels(TouchSource):
             pressed = gave_way > self.least
             if pressed.sum() < self.at_least:
                 continue
-            said = gave_way[pressed] + rng.normal(0, self.depth_noise, int(pressed.sum()))
-            local = self.taxels[pressed] + np.outer(said, (0, 0, 1))
+            measured = gave_way[pressed] + rng.normal(0, self.depth_noise, int(pressed.sum()))
+            local = self.taxels[pressed] + np.outer(measured, (0, 0, 1))
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = frame, place + tip * frame[:, 2]
             pose = rays.to_object @ pose

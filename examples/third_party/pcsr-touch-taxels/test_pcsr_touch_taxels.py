@@ -23,10 +23,10 @@ def ball(radius):
 
 
 def test_taxels_lie_on_the_ball_about_a_pitch_apart():
-    places, area = lay_out(8.0, np.radians(60), 2.0)
-    np.testing.assert_allclose(np.linalg.norm(places - [0, 0, 8.0], axis=1), 8.0)
-    assert places[:, 2].max() <= 8.0 * (1 - np.cos(np.radians(60))) + 1e-9
-    apart = np.linalg.norm(places[:, None] - places, axis=-1) + 9 * np.eye(len(places))
+    positions, area = lay_out(8.0, np.radians(60), 2.0)
+    np.testing.assert_allclose(np.linalg.norm(positions - [0, 0, 8.0], axis=1), 8.0)
+    assert positions[:, 2].max() <= 8.0 * (1 - np.cos(np.radians(60))) + 1e-9
+    apart = np.linalg.norm(positions[:, None] - positions, axis=-1) + 9 * np.eye(len(positions))
     assert 1.5 < apart.min(1).min() <= apart.min(1).max() < 2.1
     # Together they stand for about the disc below the cap.
     assert area.sum() == pytest.approx(np.pi * (8.0 * np.sin(np.radians(60))) ** 2, rel=0.25)
@@ -77,9 +77,9 @@ def test_every_touch_and_every_seed_has_a_place_of_its_own():
 def test_a_finger_that_meets_nothing_tries_elsewhere(monkeypatch):
     looks, heights = [], MeshRays.heights
 
-    def once_beside(rays, places, axes):
-        looks.append(len(places))
-        found = heights(rays, places, axes)
+    def once_beside(rays, positions, axes):
+        looks.append(len(positions))
+        found = heights(rays, positions, axes)
         return found if len(looks) > 1 else np.full_like(found, -np.inf)
 
     monkeypatch.setattr(MeshRays, "heights", once_beside)

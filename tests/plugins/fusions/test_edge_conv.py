@@ -26,9 +26,9 @@ def made(seed=0, **options):
 def given_clouds(seed=0, touches=3, points=9, rows=2):
     random = torch.Generator().manual_seed(seed)
     cloud, features = torch.randn(rows, N, 3, generator=random), torch.randn(rows, N, 6, generator=random)
-    felt = torch.randn(rows, touches, points, 3, generator=random)
-    said = torch.randn(rows, touches, points, 4, generator=random)
-    return cloud, features, TouchBatch(felt, said, torch.ones(rows, touches, dtype=torch.bool))
+    touched = torch.randn(rows, touches, points, 3, generator=random)
+    message = torch.randn(rows, touches, points, 4, generator=random)
+    return cloud, features, TouchBatch(touched, message, torch.ones(rows, touches, dtype=torch.bool))
 
 
 def close(a, b):
@@ -39,16 +39,16 @@ def slowly(fusion, points, features, touches):
     """The line of the module's docstring for one visual point after the other; every touched point can be heard."""
     rows = []
     for b in range(len(points)):
-        felt, said = (
+        touched, message = (
             touches.points[b, touches.mask[b]].flatten(0, 1),
             touches.features[b, touches.mask[b]].flatten(0, 1),
         )
         for p, f in zip(points[b], features[b], strict=True):
             edges = []
-            for j in (felt - p).norm(dim=1).argsort()[: fusion.neighbours]:
-                way = felt[j] - p
+            for j in (touched - p).norm(dim=1).argsort()[: fusion.neighbours]:
+                way = touched[j] - p
                 edges.append(
-                    F.relu(fusion.here(f) + fusion.there(said[j]) + fusion.way(torch.cat([way, way.norm()[None]])))
+                    F.relu(fusion.here(f) + fusion.there(message[j]) + fusion.way(torch.cat([way, way.norm()[None]])))
                 )
             rows.append(f + fusion.out(torch.stack(edges).max(0).values))
     return torch.stack(rows).view_as(features)
@@ -102,9 +102,9 @@ def test_what_stands_in_the_place_of_a_missing_touch_is_not_heard():
     mask = torch.tensor([[True, False, True], [False, False, True]])
     fusion = made(neighbours=20)
     there = fusion(points, features, TouchBatch(touches.points, touches.features, mask))
-    other, said = touches.points.clone(), touches.features.clone()
-    other[~mask], said[~mask] = 0.01, 99.0
-    assert torch.equal(fusion(points, features, TouchBatch(other, said, mask)), there)
+    other, message = touches.points.clone(), touches.features.clone()
+    other[~mask], message[~mask] = 0.01, 99.0
+    assert torch.equal(fusion(points, features, TouchBatch(other, message, mask)), there)
     alone = TouchBatch(touches.points[:1, [0, 2]], touches.features[:1, [0, 2]], mask[:1, [0, 2]])
     close(fusion(points[:1], features[:1], alone), there[:1])
 
@@ -112,13 +112,13 @@ def test_what_stands_in_the_place_of_a_missing_touch_is_not_heard():
 def test_a_missing_touch_gets_no_gradient_and_does_no_harm():
     points, features, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [True, True, False]])
-    said = touches.features.clone().requires_grad_()
+    message = touches.features.clone().requires_grad_()
     points.requires_grad_()
     points.data[0, 0] = touches.points[0, 0, 0]  # a way of no length
     fusion = made(neighbours=30)
-    fusion(points, features, TouchBatch(touches.points, said, mask)).square().sum().backward()
-    assert said.grad[~mask].abs().max() == 0
-    assert (said.grad[mask] != 0).flatten(1).any(1).all()
+    fusion(points, features, TouchBatch(touches.points, message, mask)).square().sum().backward()
+    assert message.grad[~mask].abs().max() == 0
+    assert (message.grad[mask] != 0).flatten(1).any(1).all()
     for grad in (points.grad, *(weight.grad for weight in fusion.parameters())):
         assert grad.isfinite().all()
         assert grad.abs().max() > 0
@@ -131,9 +131,9 @@ def test_only_the_nearest_are_heard():
     before = fusion(points, features, touches)
     nearest = torch.cdist(points[0], touches.points[0, 0]).argsort(1)[:, :4]
     for j in range(9):
-        said = touches.features.clone()
-        said[0, 0, j] += 100.0
-        moved = (fusion(points, features, TouchBatch(touches.points, said, touches.mask)) != before)[0].any(1)
+        message = touches.features.clone()
+        message[0, 0, j] += 100.0
+        moved = (fusion(points, features, TouchBatch(touches.points, message, touches.mask)) != before)[0].any(1)
         hears = (nearest == j).any(1)
         assert not moved[~hears].any()
         # 100 more of everything is louder, or softer, than all others in some channel.
@@ -145,16 +145,16 @@ def test_of_a_dense_touch_points_spread_over_it_are_heard():
     points, features, _ = given_clouds(rows=1)
     line = torch.zeros(1, 1, 400, 3)
     line[..., 0] = torch.linspace(0, 1, 400)
-    said = torch.randn(1, 1, 400, 4, generator=torch.Generator().manual_seed(0))
+    message = torch.randn(1, 1, 400, 4, generator=torch.Generator().manual_seed(0))
     fusion, there = made(points_per_touch=8, neighbours=8), torch.ones(1, 1).bool()
-    before = fusion(points, features, TouchBatch(line, said, there))
-    louder = said[:, 0] + 100.0 * torch.eye(400).unsqueeze(-1)  # in each row another touched point
+    before = fusion(points, features, TouchBatch(line, message, there))
+    louder = message[:, 0] + 100.0 * torch.eye(400).unsqueeze(-1)  # in each row another touched point
     rows = (points.expand(400, -1, -1), features.expand(400, -1, -1))
     after = fusion(*rows, TouchBatch(line.expand(400, -1, -1, -1), louder.unsqueeze(1), there.expand(400, 1)))
     heard = (after - before).abs().flatten(1).amax(1) > 1e-2
     assert heard.sum() == 8
     assert (line[0, 0, :, :1] - line[0, 0, heard, 0]).abs().amin(1).max() < 0.15
-    few = TouchBatch(line[:, :, heard], said[:, :, heard], there)
+    few = TouchBatch(line[:, :, heard], message[:, :, heard], there)
     close(fusion(points, features, few), before)  # features go with their points
 
 

@@ -44,8 +44,8 @@ def test_iterative_is_algorithm_1_and_a_row_skips_the_touches_it_lacks(pool):
     touches = touched([[True, True, True], [True, False, True], [False, True, False], [True, False, False]])
     fused, met = fusion(points, features, touches), pair(points, touches)
     for b in range(4):
-        heard = [met[b, a] for a in range(3) if touches.mask[b, a]]
-        close(fused[b], algorithm_1(fusion, points[b], features[b], heard))
+        messages = [met[b, a] for a in range(3) if touches.mask[b, a]]
+        close(fused[b], algorithm_1(fusion, points[b], features[b], messages))
 
 
 def test_iterative_has_one_block_for_every_touch():

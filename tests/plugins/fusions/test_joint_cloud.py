@@ -49,8 +49,8 @@ def test_every_so_manieth_point_of_each_touch_joins_behind_the_cloud(seed, m, so
     kept = min(some, m)
     assert joined.shape == (2, N + 3 * kept, 3)
     assert torch.equal(joined[:, :N], points)
-    for row, felt in zip(joined[:, N:].reshape(2, 3, kept, 3), touches, strict=True):
-        for few, touch in zip(row, felt, strict=True):
+    for row, touched_points in zip(joined[:, N:].reshape(2, 3, kept, 3), touches, strict=True):
+        for few, touch in zip(row, touched_points, strict=True):
             along = touch[hilbert_order(touch)]
             for i in range(kept):
                 assert torch.equal(few[i], along[i * m // kept])
@@ -81,8 +81,8 @@ def test_missing_touches_do_not_join_and_rows_may_miss_different_ones():
     points, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [False, True, True]])
     joined = JointCloud(WIDTHS).join(points, TouchBatch.of(touches, mask))
-    for row, felt, there in zip(joined[:, N:], touches, mask, strict=True):
-        assert rows_of(row) == rows_of(felt[there].flatten(0, 1))
+    for row, touched_points, there in zip(joined[:, N:], touches, mask, strict=True):
+        assert rows_of(row) == rows_of(touched_points[there].flatten(0, 1))
 
 
 @pytest.mark.parametrize(("fusion", "name"), [(JointCloud(WIDTHS), "joint-cloud"), (NoFusion(WIDTHS), "none")])
@@ -130,8 +130,10 @@ def test_touched_points_are_in_the_result_more_of_them_than_had_joined(network):
     touches = 0.05 * touches + points[:, :3, None]  # patches here and there, denser than the result
     dense = network(points, RATE, TouchBatch.of(touches, ALL))
     assert dense.shape == (2, RATE * N, 3)
-    for row, felt, cloud in zip(dense, touches, network.fusion.join(points, TouchBatch.of(touches, ALL)), strict=True):
-        result, touched = set(rows_of(row)), set(rows_of(felt.flatten(0, 1)))
+    for row, touched_points, cloud in zip(
+        dense, touches, network.fusion.join(points, TouchBatch.of(touches, ALL)), strict=True
+    ):
+        result, touched = set(rows_of(row)), set(rows_of(touched_points.flatten(0, 1)))
         assert result & touched
         assert (result & touched) - set(rows_of(cloud)), "points that did not join are candidates too"
 
@@ -152,7 +154,10 @@ def test_one_touched_point_is_heard(network):
     points, touches = given_clouds(touches=1, points=1)
     dense = network(points, RATE, TouchBatch.of(touches))
     assert dense.shape == (2, RATE * N, 3)
-    assert all(felt in rows_of(row) for row, (felt,) in zip(dense, map(rows_of, touches.flatten(1, 2)), strict=True))
+    assert all(
+        touched_points in rows_of(row)
+        for row, (touched_points,) in zip(dense, map(rows_of, touches.flatten(1, 2)), strict=True)
+    )
 
 
 def test_in_training_all_touched_points_are_there_and_those_that_joined_make_points_too(network):

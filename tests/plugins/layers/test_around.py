@@ -23,10 +23,10 @@ def test_around_is_what_it_is_angle_by_angle(n, neighbours, spokes, flat):
     frames = LocalFrames.of(points, neighbours)
     around = frames.around(spokes)
     assert around.shape == (2, n, min(spokes, neighbours, n - 1))
-    for columns, ways, normal in zip(
+    for columns, displacements, normal in zip(
         *(each.flatten(0, 1) for each in (around, frames.offsets, frames.normal)), strict=True
     ):
-        assert columns.tolist() == slow_around(ways, normal, spokes)
+        assert columns.tolist() == slow_around(displacements, normal, spokes)
 
 
 @given(seed=SEEDS, neighbours=st.integers(1, 30), spokes=st.integers(1, 12))

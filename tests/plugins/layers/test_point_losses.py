@@ -50,10 +50,10 @@ def test_matching_of_clouds_that_are_one_point_each_is_their_distance():
 
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 40))
 def test_the_best_way_to_a_moved_copy_is_the_move(seed, n):
-    prediction, way = cloud(seed, 1, n), cloud(seed + 1, 1, 1) / 3
-    target = (prediction + way)[:, torch.randperm(n, generator=torch.Generator().manual_seed(seed))]
-    close(matched_distance(prediction, target), way.norm().view(1))
-    close(matched_distance(prediction, target, squared=True), way.square().sum().view(1))
+    prediction, offset = cloud(seed, 1, n), cloud(seed + 1, 1, 1) / 3
+    target = (prediction + offset)[:, torch.randperm(n, generator=torch.Generator().manual_seed(seed))]
+    close(matched_distance(prediction, target), offset.norm().view(1))
+    close(matched_distance(prediction, target, squared=True), offset.square().sum().view(1))
 
 
 @pytest.mark.parametrize("squared", [False, True])

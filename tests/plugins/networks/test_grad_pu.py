@@ -55,28 +55,30 @@ class Twin(nn.Module):
         """The global and the local maps of one cloud (n 3)."""
         near = torch.cdist(points, points).topk(16, largest=False).indices  # (n 16)
         x = points.T[None]  # (1 3 n)
-        ways = (points[near] - points[:, None]).permute(2, 0, 1)[None]  # (1 3 n 16)
+        offsets = (points[near] - points[:, None]).permute(2, 0, 1)[None]  # (1 3 n 16)
         maps = [self.feature_extractor["conv_init"](x)]
         for unit, transition in self.feature_extractor["dense_blocks"]:
             feats = maps[-1]
             for layer in unit["dense_layers"]:
                 conv = layer["point_conv"]
-                heard = layer["conv_bottle"](feats)[:, :, near]  # (1 32 n 16)
-                new = conv["post_conv"](conv["conv_delta"](ways) * conv["conv_feats"](heard)).sum(-1)
+                messages = layer["conv_bottle"](feats)[:, :, near]  # (1 32 n 16)
+                new = conv["post_conv"](conv["conv_delta"](offsets) * conv["conv_feats"](messages)).sum(-1)
                 feats = torch.cat([feats, new], 1)
             maps.append(transition["trans"](feats))
         return maps[-1].amax(2)[0], [one[0].T for one in maps]
 
-    def distance(self, places, points, everywhere, maps):
+    def distance(self, candidates, points, everywhere, maps):
         """The distances of places (q 3)."""
         read = [[] for _ in maps]
-        for place in places:
+        for place in candidates:
             apart = (points - place).norm(dim=1)
             near = apart.argsort()[:3]
             weights = 1 / (apart[near] + 1e-8)
             for rows, one in zip(read, maps, strict=True):
                 rows.append((one[near] * (weights / weights.sum())[:, None]).sum(0))
-        x = torch.cat([places, *(torch.stack(rows) for rows in read), everywhere.expand(len(places), -1)], 1).T[None]
+        x = torch.cat([candidates, *(torch.stack(rows) for rows in read), everywhere.expand(len(candidates), -1)], 1).T[
+            None
+        ]
         for layer in self.p2p_regressor.values():
             x = layer(x).relu()
         return x[0, 0]
@@ -107,11 +109,11 @@ def test_features_are_those_of_the_published_layout(both, training):
 
 def test_distances_are_those_of_the_published_layout(both):
     network, twin = (one.eval() for one in both)
-    points, places = torch.randn(2, 50, 3), torch.randn(2, 30, 3)
+    points, candidates = torch.randn(2, 50, 3), torch.randn(2, 30, 3)
     with torch.no_grad():
-        found = network.upsampler.distance(places, *network.refine(points))
+        found = network.upsampler.distance(candidates, *network.refine(points))
         for b in range(2):
-            expected = twin.distance(places[b], points[b], *twin.maps(points[b]))
+            expected = twin.distance(candidates[b], points[b], *twin.maps(points[b]))
             assert expected.min() > 0
             close(found[b], expected, 1e-4)
 
@@ -125,18 +127,18 @@ def test_the_descent_is_that_of_the_published_layout(both):
         everywhere, maps = twin.maps(points[0])
         farthest = float(twin.distance(start, points[0], everywhere, maps).median())
     network.upsampler.farthest = farthest  # half of the places are farther away
-    places = start.clone()
+    candidates = start.clone()
     for _ in range(10):
-        places = places.detach().requires_grad_()
-        distance = twin.distance(places, points[0], everywhere, maps).clamp(max=farthest)
+        candidates = candidates.detach().requires_grad_()
+        distance = twin.distance(candidates, points[0], everywhere, maps).clamp(max=farthest)
         of_patches = torch.cat([distance, torch.zeros(24 * 1024 - len(start))])
         of_patches.mean().backward()
-        places = places - 50 * places.grad
-    moved = (places - start).norm(dim=1)
+        candidates = candidates - 50 * candidates.grad
+    moved = (candidates - start).norm(dim=1)
     assert (moved == 0).any()
     assert (moved > 1e-5).any()
     with torch.no_grad():
-        close(network.upsampler.descend(start[None], cloud, features)[0], places.detach(), 1e-5)
+        close(network.upsampler.descend(start[None], cloud, features)[0], candidates.detach(), 1e-5)
 
 
 def test_it_has_as_many_weights_as_published():

@@ -42,8 +42,8 @@ def name(request):
 
 def clouds(batch=2):
     truth = torch.nn.functional.normalize(torch.randn(batch, POINTS * RATE, 3), dim=-1)
-    felt = torch.stack([truth[:, k::TOUCHES][:, :FELT] for k in range(TOUCHES)], dim=1)
-    return truth[:, ::RATE].contiguous(), truth, TouchBatch.of(felt)
+    touched = torch.stack([truth[:, k::TOUCHES][:, :FELT] for k in range(TOUCHES)], dim=1)
+    return truth[:, ::RATE].contiguous(), truth, TouchBatch.of(touched)
 
 
 def test_each_network_of_table_2_has_a_graft():
@@ -59,35 +59,37 @@ def test_without_touches_it_is_the_ungrafted_network_bit_for_bit(name):
     grafted, plain = network(FOLDER / "graft" / f"{name}.yaml"), network(FOLDER / f"{name}.yaml")
     weights = grafted.state_dict()
     plain.load_state_dict({key: weights[key] for key in plain.state_dict()})
-    points, _, felt = clouds()
+    points, _, touched = clouds()
     expected = plain(points, RATE)
     assert torch.equal(grafted(points, RATE), expected)
     assert torch.equal(
-        grafted(points, RATE, TouchBatch.of(felt.points, torch.zeros(2, TOUCHES, dtype=torch.bool))), expected
+        grafted(points, RATE, TouchBatch.of(touched.points, torch.zeros(2, TOUCHES, dtype=torch.bool))), expected
     )
 
 
 def test_gradients_reach_the_touch_encoder_and_a_moved_touch_moves_the_output(name):
-    grafted, (points, truth, felt) = network(FOLDER / "graft" / f"{name}.yaml"), clouds()
+    grafted, (points, truth, touched) = network(FOLDER / "graft" / f"{name}.yaml"), clouds()
     objective = recipe(FOLDER / "graft" / f"{name}.yaml").train.objective.build(REGISTRY, "objective")
-    sum(objective.losses(grafted, points, truth, RATE, felt).values()).backward()
+    sum(objective.losses(grafted, points, truth, RATE, touched).values()).backward()
     assert grafted.touch_encoder is not None
     assert all(weight.grad is not None and weight.grad.any() for weight in grafted.touch_encoder.parameters())
     with torch.no_grad():
-        assert not torch.equal(grafted(points, RATE, felt), grafted(points, RATE, TouchBatch.of(felt.points * 0.5)))
+        assert not torch.equal(
+            grafted(points, RATE, touched), grafted(points, RATE, TouchBatch.of(touched.points * 0.5))
+        )
 
 
 @pytest.mark.slow
 def test_a_short_training_lowers_the_loss(name):
     made = recipe(FOLDER / "graft" / f"{name}.yaml")
     grafted, objective = build(made, REGISTRY).train(), made.train.objective.build(REGISTRY, "objective")
-    points, truth, felt = clouds()
+    points, truth, touched = clouds()
     optimizer = torch.optim.Adam(grafted.parameters(), lr=1e-3)
     losses = []
     for _ in range(15):
         optimizer.zero_grad()
         # What the discriminator learns is no loss of the network.
-        terms = objective.losses(grafted, points, truth, RATE, felt)
+        terms = objective.losses(grafted, points, truth, RATE, touched)
         loss = sum(value for key, value in terms.items() if key != "discriminator")
         loss.backward()
         optimizer.step()
@@ -100,5 +102,5 @@ def test_weights_survive_a_round_trip(name, tmp_path):
     card = {"name": made.name, "fingerprint": "", "data_fingerprint": "", "recipe": made.resolved(), "training": {}}
     save_weights(tmp_path / "w.safetensors", grafted, card, REGISTRY)
     again, _, _ = load_weights(tmp_path / "w.safetensors", REGISTRY)
-    points, _, felt = clouds()
-    assert torch.equal(again.eval()(points, RATE, felt), grafted(points, RATE, felt))
+    points, _, touched = clouds()
+    assert torch.equal(again.eval()(points, RATE, touched), grafted(points, RATE, touched))

@@ -17,13 +17,13 @@ def test_the_objective_is_the_error_of_the_distances_of_noisy_midpoints():
         (name, loss), *others = objective.losses(network, points, truth, 4).items()
     noise = 0.1 * torch.randn(2, 80, 3, generator=torch.Generator().manual_seed(0))
     start = network.upsampler.prepare(points, 4)
-    places = start + noise
+    candidates = start + noise
     with torch.no_grad():
-        predicted = network.upsampler.distance(places, *network.refine(start))
+        predicted = network.upsampler.distance(candidates, *network.refine(start))
     expected = 0.0
     for b in range(2):
         for i in range(80):
-            true = min(float((places[b, i] - point).norm()) for point in truth[b])
+            true = min(float((candidates[b, i] - point).norm()) for point in truth[b])
             expected += abs(float(predicted[b, i]) - true) / 2
     assert name == "distance"
     assert not others

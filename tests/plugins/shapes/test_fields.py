@@ -21,8 +21,8 @@ def test_a_sphere_knows_its_distance():
 
 @given(st.tuples(*3 * [st.floats(4, 40)]), st.integers(0, 2**32))
 def test_an_ellipsoid_is_zero_on_its_surface_and_rises_outwards_by_one_mm_a_mm(radii, seed):
-    way = np.random.default_rng(seed).normal(size=(20, 3))
-    on = way / np.linalg.norm(way, axis=1, keepdims=True) * radii
+    directions = np.random.default_rng(seed).normal(size=(20, 3))
+    on = directions / np.linalg.norm(directions, axis=1, keepdims=True) * radii
     normal = on / np.square(radii)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     field = sdf.ellipsoid((0, 0, 0), radii)

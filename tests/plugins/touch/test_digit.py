@@ -27,45 +27,45 @@ def test_touches_do_not_depend_on_how_many_places_are_looked_at_together(monkeyp
 @pytest.mark.parametrize("name", SHAPES)
 def test_points_lie_on_the_mesh_and_within_the_gel(name):
     mesh = SHAPES[name]
-    for felt in touch(mesh, 4):
-        assert felt.points.shape == (512, 3)
-        _, distance, _ = trimesh.proximity.closest_point_naive(mesh, felt.points[::16])
+    for touched in touch(mesh, 4):
+        assert touched.points.shape == (512, 3)
+        _, distance, _ = trimesh.proximity.closest_point_naive(mesh, touched.points[::16])
         assert distance.max() < 1e-6 * mesh.extents.max()
-        local = in_sensor(felt)
+        local = in_sensor(touched)
         assert np.abs(local[:, 0]).max() <= 8
         assert np.abs(local[:, 1]).max() <= 6.1
         # The sensor looks along -z: contact is what reaches above the gel's face, by at most the press.
         assert local[:, 2].min() > 0.05
         assert local[:, 2].max() <= 1.5
-        assert 1000 * (16 / 121) ** 2 <= felt.contact_area <= 16 * 12.1
+        assert 1000 * (16 / 121) ** 2 <= touched.contact_area <= 16 * 12.1
 
 
 def test_a_flat_face_is_felt_by_the_whole_gel():
     slab = trimesh.creation.box((400, 400, 10))
-    felt = touch(slab, tilt=0.0, press=(1.0, 1.0), seed=1)[0]
-    assert felt.contact_area == pytest.approx(121 * 91 * (16 / 121) ** 2)
-    np.testing.assert_allclose(in_sensor(felt)[:, 2], 1.0, atol=1e-6)
-    assert felt.poses[0][2, 2] * np.sign(felt.points[0, 2]) == pytest.approx(1)  # z points out of the object
+    touched = touch(slab, tilt=0.0, press=(1.0, 1.0), seed=1)[0]
+    assert touched.contact_area == pytest.approx(121 * 91 * (16 / 121) ** 2)
+    np.testing.assert_allclose(in_sensor(touched)[:, 2], 1.0, atol=1e-6)
+    assert touched.poses[0][2, 2] * np.sign(touched.points[0, 2]) == pytest.approx(1)  # z points out of the object
 
 
 @pytest.mark.parametrize("press", [0.5, 1.0])
 @pytest.mark.parametrize("radius", [15.0, 40.0])
 def test_a_sphere_is_felt_in_a_disc(radius, press):
     ball = trimesh.creation.icosphere(subdivisions=6, radius=radius)
-    felt = touch(ball, tilt=0.0, press=(press, press), at_least=512, width=24.0, height=24.0, pixels=200)[0]
+    touched = touch(ball, tilt=0.0, press=(press, press), at_least=512, width=24.0, height=24.0, pixels=200)[0]
     disc = np.sqrt(radius**2 - (radius - 0.8 * press) ** 2)
-    assert felt.contact_area == pytest.approx(np.pi * disc**2, rel=0.03)
-    assert np.linalg.norm(in_sensor(felt)[:, :2], axis=1).max() == pytest.approx(disc, rel=0.03)
+    assert touched.contact_area == pytest.approx(np.pi * disc**2, rel=0.03)
+    assert np.linalg.norm(in_sensor(touched)[:, :2], axis=1).max() == pytest.approx(disc, rel=0.03)
 
 
 def test_a_domed_gel_feels_a_flat_face_in_an_ellipse():
     slab = trimesh.creation.box((400, 400, 10))
-    felt = touch(slab, tilt=0.0, press=(0.5, 0.5), dome=(50.0, 23.0))[0]
+    touched = touch(slab, tilt=0.0, press=(0.5, 0.5), dome=(50.0, 23.0))[0]
     semi_axes = np.sqrt(2 * 0.4 * np.array([50, 23]))
     assert semi_axes[0] < 8
-    assert felt.contact_area == pytest.approx(np.pi * semi_axes.prod(), rel=0.02)
-    np.testing.assert_allclose(np.abs(in_sensor(felt)[:, :2]).max(0), semi_axes, rtol=0.05)
-    np.testing.assert_allclose(in_sensor(felt)[:, 2], 0.5, atol=1e-6)
+    assert touched.contact_area == pytest.approx(np.pi * semi_axes.prod(), rel=0.02)
+    np.testing.assert_allclose(np.abs(in_sensor(touched)[:, :2]).max(0), semi_axes, rtol=0.05)
+    np.testing.assert_allclose(in_sensor(touched)[:, 2], 0.5, atol=1e-6)
 
 
 def test_fewer_touches_are_a_prefix_of_more():
@@ -91,8 +91,8 @@ def test_the_unit_of_the_mesh_does_not_matter(factor):
 
 def test_an_object_far_from_the_origin_is_touched_alike():
     far = SHAPES["box"].copy().apply_translation([5000, 0, -300])
-    felt = touch(far)[0]
-    back = felt.points - np.array([5000, 0, -300])
+    touched = touch(far)[0]
+    back = touched.points - np.array([5000, 0, -300])
     np.testing.assert_allclose(back, touch(SHAPES["box"])[0].points, atol=1e-6)
 
 
@@ -114,10 +114,10 @@ def test_noise_moves_only_what_it_is_said_to_move():
 
 def test_the_tilt_stays_within_twice_its_deviation():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=50)
-    poses = np.concatenate([felt.poses for felt in touch(ball, 40, tilt=4.0)])
+    poses = np.concatenate([touched.poses for touched in touch(ball, 40, tilt=4.0)])
     # On a sphere the normal at a place is the direction to it; the gel's centre lies over the place.
-    axes, places = poses[:, :3, 2], poses[:, :3, 3]
-    angles = np.degrees(np.arccos((axes * places).sum(1) / np.linalg.norm(places, axis=1)))
+    axes, candidates = poses[:, :3, 2], poses[:, :3, 3]
+    angles = np.degrees(np.arccos((axes * candidates).sum(1) / np.linalg.norm(candidates, axis=1)))
     assert angles.max() < 8 + 2.0  # the facets' own normals differ from the sphere's by less than two degrees
     assert angles.max() > 4
 
@@ -126,8 +126,8 @@ def test_too_small_a_contact_is_no_touch():
     needle = trimesh.creation.cylinder(radius=0.2, height=60)
     with pytest.raises(UserError, match=r"part-3: touch 'digit' found 0 of 2 touches, .* at 60 mm .*raise object_size"):
         touch(needle, 2)
-    (felt,) = touch(needle, at_least=10)
-    assert len(np.unique(felt.points, axis=0)) < 512 == len(felt.points)  # repeated where there are fewer
+    (touched,) = touch(needle, at_least=10)
+    assert len(np.unique(touched.points, axis=0)) < 512 == len(touched.points)  # repeated where there are fewer
 
 
 def test_the_housing_never_enters_the_object():
@@ -135,30 +135,30 @@ def test_the_housing_never_enters_the_object():
     channel = trimesh.boolean.difference([trimesh.creation.box((100, 48, 40)), slot])
     housing = np.random.default_rng(0).uniform([-13.5, -9, 2.0], [13.5, 9, 40], (2000, 3))
 
-    def inside(felt):
-        return channel.contains(housing @ felt.poses[0, :3, :3].T + felt.poses[0, :3, 3]).any()
+    def inside(touched):
+        return channel.contains(housing @ touched.poses[0, :3, :3].T + touched.poses[0, :3, 3]).any()
 
     touches = touch(channel, 40)
-    assert not any(inside(felt) for felt in touches)
-    assert any((np.abs(felt.points[:, 2]) < 1e-6).all() for felt in touches), "the slot is wide enough to get in"
-    assert any(inside(felt) for felt in touch(channel, 40, protrusion=1000.0))
+    assert not any(inside(touched) for touched in touches)
+    assert any((np.abs(touched.points[:, 2]) < 1e-6).all() for touched in touches), "the slot is wide enough to get in"
+    assert any(inside(touched) for touched in touch(channel, 40, protrusion=1000.0))
 
 
 def test_turned_faces_and_holes_do_no_harm():
     prism = trimesh.creation.cylinder(radius=40, height=80, sections=3)
     prism.invert()
     touches = touch(prism, 8, tilt=0.0, press=(1.0, 1.0))
-    assert any(abs(felt.poses[0, 2, 2]) < 0.1 for felt in touches), "its sides are most of its surface"
-    for felt in touches:
-        np.testing.assert_allclose(in_sensor(felt)[:, 2], 1.0, atol=1e-4)  # flat on a face, from outside
-        assert (felt.poses[0, :3, 2] * felt.points.mean(0)).sum() > 0
+    assert any(abs(touched.poses[0, 2, 2]) < 0.1 for touched in touches), "its sides are most of its surface"
+    for touched in touches:
+        np.testing.assert_allclose(in_sensor(touched)[:, 2], 1.0, atol=1e-4)  # flat on a face, from outside
+        assert (touched.poses[0, :3, 2] * touched.points.mean(0)).sum() > 0
     sheet = trimesh.Trimesh([[0, 0, 0], [60, 0, 0], [60, 60, 0], [0, 60, 0]], [[0, 1, 2], [0, 2, 3]])
     assert np.abs(touch(sheet, 2)[1].points[:, 2]).max() < 1e-6
     inner = trimesh.creation.box((20, 20, 20))
     inner.invert()
     hollow = trimesh.util.concatenate([SHAPES["box"], inner])
-    for felt in touch(hollow, 10):
-        on_outside = np.abs(np.abs(felt.points) - [30, 20, 15]).min(1)
+    for touched in touch(hollow, 10):
+        on_outside = np.abs(np.abs(touched.points) - [30, 20, 15]).min(1)
         assert on_outside.max() < 1e-5
 
 
@@ -200,10 +200,10 @@ def test_only_the_part_of_the_contact_with_the_deepest_point_is_felt():
         trimesh.creation.box((60, 5, 20), trimesh.transformations.translation_matrix([0, y, 0])) for y in (-4.0, 4.0)
     ]
     across = 0
-    for felt in touch(trimesh.util.concatenate(bars), 20, tilt=0.0):
-        assert (felt.points[:, 1] < 0).all() or (felt.points[:, 1] > 0).all()
-        corners = np.array([[x, y, 0, 1] for x in (-8, 8) for y in (-6, 6)]) @ felt.poses[0].T
-        across += abs(felt.poses[0, 2, 2]) > 0.9 and corners[:, 1].min() < -4 and corners[:, 1].max() > 4
+    for touched in touch(trimesh.util.concatenate(bars), 20, tilt=0.0):
+        assert (touched.points[:, 1] < 0).all() or (touched.points[:, 1] > 0).all()
+        corners = np.array([[x, y, 0, 1] for x in (-8, 8) for y in (-6, 6)]) @ touched.poses[0].T
+        across += abs(touched.poses[0, 2, 2]) > 0.9 and corners[:, 1].min() < -4 and corners[:, 1].max() > 4
     assert across > 0
 
 
@@ -215,12 +215,12 @@ EVERY_SHAPE = {**SHAPES, "part": PART}
 @pytest.mark.parametrize("name", sensors.names())
 def test_every_sensor_without_noise_feels_the_mesh_itself(name, shape):
     mesh, sensor = EVERY_SHAPE[shape], sensors.load(name)
-    for felt in touch(mesh, 2, sensor=name, press=(0.6, 0.9), seed=1):
-        _, distance, _ = trimesh.proximity.closest_point_naive(mesh, felt.points[::8])
+    for touched in touch(mesh, 2, sensor=name, press=(0.6, 0.9), seed=1):
+        _, distance, _ = trimesh.proximity.closest_point_naive(mesh, touched.points[::8])
         assert distance.max() < 1e-6 * mesh.extents.max()
-        local = in_sensor(felt)
+        local = in_sensor(touched)
         near, far = local[:, 2].min(), local[:, 2].max()
-        assert felt.sensor == name
+        assert touched.sensor == name
         wider = 1 if sensor.distance is None else 1 - local[:, 2] / sensor.distance
         half = np.array([sensor.width, sensor.height]) / 2
         # Pixels are square: the last row may stand out by half a pixel.

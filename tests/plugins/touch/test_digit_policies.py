@@ -24,7 +24,7 @@ def test_fewer_touches_are_a_prefix_whatever_the_policy(policy, noise):
 
 def nearest(touches):
     """The least distance between the centres of two touches."""
-    centres = np.array([felt.points.mean(0) for felt in touches])
+    centres = np.array([touched.points.mean(0) for touched in touches])
     return min(np.linalg.norm(a - b) for i, a in enumerate(centres) for b in centres[:i])
 
 
@@ -39,9 +39,9 @@ def test_spread_touches_are_farther_apart_than_random_ones():
 def test_sparse_touches_go_where_nobody_looked():
     ball = SHAPES["sphere"].copy().apply_scale(0.5).apply_translation([100, 0, 0])
     seen = ball.vertices[ball.vertices[:, 2] < 4.0]
-    felt = touch(ball, 3, 0, seen, policy="sparse", object_size=40.0)
-    assert all(one.points[:, 2].mean() > 4 for one in felt)
-    assert felt[0].points[:, 2].mean() > 8
+    touched = touch(ball, 3, 0, seen, policy="sparse", object_size=40.0)
+    assert all(one.points[:, 2].mean() > 4 for one in touched)
+    assert touched[0].points[:, 2].mean() > 8
     bare = touch(ball, 1, 0, np.zeros((0, 3)), policy="sparse", object_size=40.0)[0]
     assert np.array_equal(bare.points, touch(ball, 1, object_size=40.0)[0].points)
     with pytest.raises(UserError, match="part-3: its cloud has a coordinate that is not finite"):
@@ -50,25 +50,25 @@ def test_sparse_touches_go_where_nobody_looked():
 
 def test_a_grasp_is_a_thumb_and_fingers_opposite_to_it():
     bar = trimesh.creation.box((200, 200, 10))
-    (felt,) = touch(bar, policy="grasp", tilt=0.0, press=(0.8, 0.8), seed=3)
-    assert felt.points.shape == (512, 3)
-    assert 2 <= len(felt.poses) <= 4
-    assert set(felt.finger) == set(range(len(felt.poses)))
-    thumb, *fingers = felt.poses
+    (touched,) = touch(bar, policy="grasp", tilt=0.0, press=(0.8, 0.8), seed=3)
+    assert touched.points.shape == (512, 3)
+    assert 2 <= len(touched.poses) <= 4
+    assert set(touched.finger) == set(range(len(touched.poses)))
+    thumb, *fingers = touched.poses
     assert thumb[2, 2] == pytest.approx(-fingers[0][2, 2])
-    for pose, finger in zip(felt.poses, range(4), strict=False):
+    for pose, finger in zip(touched.poses, range(4), strict=False):
         inverse = np.linalg.inv(pose)
-        local = felt.points[felt.finger == finger] @ inverse[:3, :3].T + inverse[:3, 3]
+        local = touched.points[touched.finger == finger] @ inverse[:3, :3].T + inverse[:3, 3]
         np.testing.assert_allclose(local[:, 2], 0.8, atol=1e-6)
     gaps = [np.linalg.norm(a[:3, 3] - b[:3, 3]) for a, b in itertools.pairwise(fingers)]
     np.testing.assert_allclose(gaps, 20.0, atol=1e-6)
-    assert felt.contact_area == pytest.approx(len(felt.poses) * 121 * 91 * (16 / 121) ** 2, rel=1e-6)
+    assert touched.contact_area == pytest.approx(len(touched.poses) * 121 * 91 * (16 / 121) ** 2, rel=1e-6)
 
 
 def test_fingers_too_far_apart_find_only_the_middle_one():
     cube = trimesh.creation.box((40, 40, 40))
-    (felt,) = touch(cube, policy="grasp", tilt=0.0, spacing=100.0, at_least_area=1.0)
-    assert len(felt.poses) == 2
+    (touched,) = touch(cube, policy="grasp", tilt=0.0, spacing=100.0, at_least_area=1.0)
+    assert len(touched.poses) == 2
     # Opposite to each face of an open prism is an edge, where little is felt.
     prism = trimesh.creation.cylinder(radius=40, height=200, sections=3)
     prism.update_faces(np.abs(prism.face_normals[:, 2]) < 0.5)

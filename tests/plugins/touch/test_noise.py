@@ -95,8 +95,8 @@ def test_blur_is_a_weighted_mean_over_the_contact_alone():
 @pytest.mark.parametrize("length", [1.0, 4.0])
 def test_a_drift_field_has_deviation_one_and_its_correlation_length(length):
     apart = np.array([0.0, 0.5, 1.0, 2.0])
-    places = np.column_stack([apart * length, np.zeros(4)])
-    fields = np.array([smooth_field(places, length, np.random.default_rng(seed)) for seed in range(4000)])
+    candidates = np.column_stack([apart * length, np.zeros(4)])
+    fields = np.array([smooth_field(candidates, length, np.random.default_rng(seed)) for seed in range(4000)])
     assert fields.mean() == pytest.approx(0, abs=0.05)
     assert fields.std(0) == pytest.approx(np.ones(4), rel=0.05)
     correlation = [np.corrcoef(fields[:, 0], fields[:, k])[0, 1] for k in range(4)]

@@ -14,12 +14,12 @@ def cloud(count, seed=0):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 30), st.integers(1, 12), st.integers(1, 5), st.integers(0, 99))
-def test_farthest_first_agrees_with_all_distances(places, known, neighbours, seed):
-    at, about = cloud(places, seed), cloud(known, seed + 100)
+def test_farthest_first_agrees_with_all_distances(candidates, known, neighbours, seed):
+    at, about = cloud(candidates, seed), cloud(known, seed + 100)
     all_distances = np.sort(np.linalg.norm(at[:, None] - about[None], axis=-1), axis=1)
     means = all_distances[:, :neighbours].mean(1)
     found = farthest_first(at, about, neighbours)
-    assert sorted(found) == list(range(places))
+    assert sorted(found) == list(range(candidates))
     np.testing.assert_allclose(means[found], np.sort(means)[::-1])
 
 
@@ -34,24 +34,24 @@ def test_who_knows_nothing_keeps_the_order(policy):
 
 
 def test_policies_hear_what_they_should():
-    places = np.array([[float(x), 0, 0] for x in range(10)])
-    felt, seen = np.array([[0.0, 0, 0]]), np.array([[9.0, 0, 0]])
+    candidates = np.array([[float(x), 0, 0] for x in range(10)])
+    touched, seen = np.array([[0.0, 0, 0]]), np.array([[9.0, 0, 0]])
     for policy in ("uniform", "grasp"):
-        assert list(order(policy, places, felt, seen)) == list(range(10))
-    assert list(order("spread", places, felt, seen)) == list(range(9, -1, -1))
-    assert list(order("spread", places, NOTHING, seen)) == list(range(10))
+        assert list(order(policy, candidates, touched, seen)) == list(range(10))
+    assert list(order("spread", candidates, touched, seen)) == list(range(9, -1, -1))
+    assert list(order("spread", candidates, NOTHING, seen)) == list(range(10))
     # The nearest few of both clouds count: here all of them.
-    near = order("sparse", places, np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
+    near = order("sparse", candidates, np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 1, 0]]))
     assert list(near) == list(range(9, -1, -1))
 
 
 def test_sparse_looks_at_more_than_the_nearest_point():
     stray = np.array([[10.0, 0, 0]])
     crowd = np.random.default_rng(0).normal(scale=0.5, size=(50, 3))
-    places = np.array([[0.0, 0, 0], [10.0, 0.1, 0]])
+    candidates = np.array([[0.0, 0, 0], [10.0, 0.1, 0]])
     assert NEIGHBOURS > 1
-    assert list(order("sparse", places, stray, crowd)) == [1, 0]
-    assert list(farthest_first(places, np.concatenate([crowd, stray]), NEIGHBOURS)) == [1, 0]
+    assert list(order("sparse", candidates, stray, crowd)) == [1, 0]
+    assert list(farthest_first(candidates, np.concatenate([crowd, stray]), NEIGHBOURS)) == [1, 0]
 
 
 @pytest.mark.parametrize("housing", [(27.0, 18.0), (20.0, 30.0), (28.0, 28.0)])

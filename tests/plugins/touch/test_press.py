@@ -132,10 +132,12 @@ def test_a_quick_look_before_the_rays_changes_nothing(monkeypatch):
     rejected = looked = 0
     for name in ("test/hook/0000", "test/bolt/0000"):
         rays = MeshRays(CadParts().item(name).mesh, 60.0, name)
-        (places,) = Candidates.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
+        (positions,) = Candidates.draw(rays, 20, 5.0, (0.5, 1.5), [np.random.default_rng(0)])
         for sensor in (sensors.load("digit"), sensors.load("digit-tacto")):
             finger = Finger(sensor)
-            at = [(rays, *one) for one in zip(places.points, places.frames, places.presses.tolist(), strict=True)]
+            at = [
+                (rays, *one) for one in zip(positions.points, positions.frames, positions.presses.tolist(), strict=True)
+            ]
             quick = [finger.press(*one) for one in at]
             with monkeypatch.context() as patch:
                 patch.setattr("pcsr_plugins.touch.digit.visible_pixels.FACES", 0)

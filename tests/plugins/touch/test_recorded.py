@@ -19,7 +19,7 @@ def patches(count, points=40):
     ]
 
 
-def felt(folder, count, seed=0, name="part", points=16):
+def touched(folder, count, seed=0, name="part", points=16):
     return Recorded(folder=str(folder), points=points).touches(ShapeItem(name, "g", BOX), CLOUD, count, seed)
 
 
@@ -29,28 +29,28 @@ def numbers(touches):
 
 def test_touches_come_in_an_order_of_the_seed(tmp_path):
     write(tmp_path, patches(8))
-    orders = {tuple(numbers(felt(tmp_path, 8, seed))) for seed in range(6)}
+    orders = {tuple(numbers(touched(tmp_path, 8, seed))) for seed in range(6)}
     assert len(orders) == 6
     assert {tuple(sorted(order)) for order in orders} == {tuple(range(8))}
-    assert numbers(felt(tmp_path, 8, 3)) == numbers(felt(tmp_path, 8, 3))
+    assert numbers(touched(tmp_path, 8, 3)) == numbers(touched(tmp_path, 8, 3))
 
 
 def test_fewer_touches_are_a_prefix_of_more(tmp_path):
     write(tmp_path, patches(8))
-    many = felt(tmp_path, 8, seed=5)
+    many = touched(tmp_path, 8, seed=5)
     for count in range(9):
-        for a, b in zip(felt(tmp_path, count, seed=5), many[:count], strict=True):
+        for a, b in zip(touched(tmp_path, count, seed=5), many[:count], strict=True):
             np.testing.assert_array_equal(a.points, b.points)
 
 
 def test_each_touch_is_thinned_by_its_own_stream(tmp_path):
     write(tmp_path, patches(3))
-    for number, touch in enumerate(felt(tmp_path, 3, seed=4)):
+    for number, touch in enumerate(touched(tmp_path, 3, seed=4)):
         whole = patches(3)[int(touch.points[0, 0])]
         expected = whole.resampled(16, np.random.default_rng((4, number)))
         np.testing.assert_array_equal(touch.points, expected.points)
         assert (touch.unit, touch.sensor) == (2.0, "x")
-    assert len(felt(tmp_path, 1, points=100)[0].points) == 100  # more than there are: some twice
+    assert len(touched(tmp_path, 1, points=100)[0].points) == 100  # more than there are: some twice
 
 
 @pytest.mark.parametrize("name", ["deep/box.stl", "box.stl", "box"])
@@ -58,23 +58,23 @@ def test_each_touch_is_thinned_by_its_own_stream(tmp_path):
 def test_each_object_has_a_folder_of_its_name(tmp_path, name, suffix):
     write(tmp_path / (name if suffix else name.removesuffix(".stl")), patches(1))
     write(tmp_path / "other", patches(3)[2:])
-    assert numbers(felt(tmp_path, 1, name=name)) == [0]
-    assert numbers(felt(tmp_path, 1, name="other.stl")) == [2]
+    assert numbers(touched(tmp_path, 1, name=name)) == [0]
+    assert numbers(touched(tmp_path, 1, name="other.stl")) == [2]
 
 
 def test_a_recording_at_the_top_is_of_every_object(tmp_path):
     write(tmp_path, patches(1))
     write(tmp_path / "box", patches(3)[2:])
-    assert numbers(felt(tmp_path, 1, name="box.stl")) == [0]
+    assert numbers(touched(tmp_path, 1, name="box.stl")) == [0]
 
 
 def test_no_touches_need_no_recording(tmp_path):
-    assert felt(tmp_path, 0) == []
+    assert touched(tmp_path, 0) == []
 
 
 def test_an_object_without_a_recording_is_named(tmp_path):
     with pytest.raises(UserError) as caught:
-        felt(tmp_path, 1, name="deep/box.stl")
+        touched(tmp_path, 1, name="deep/box.stl")
     message = str(caught.value)
     assert message.startswith("deep/box.stl: touch 'recorded' finds no recording of it")
     for place in ("touches.json", "deep/box/touches.json", "deep/box.stl/touches.json"):
@@ -86,24 +86,24 @@ def test_names_that_lead_out_of_the_folder_are_refused(tmp_path, name):
     (tmp_path / "in").mkdir()
     write(tmp_path / "box", patches(1))
     with pytest.raises(UserError, match="leads out of"):
-        felt(tmp_path / "in", 1, name=name)
+        touched(tmp_path / "in", 1, name=name)
 
 
 def test_too_few_touches_are_counted_with_what_was_left_out(tmp_path):
     write(tmp_path, patches(3), ["a", "b", "c"])
     (tmp_path / "1.ply").write_text("noise")
     with pytest.raises(UserError) as caught:
-        felt(tmp_path, 3)
+        touched(tmp_path, 3)
     message = str(caught.value)
     assert message.startswith(f"part: 3 touches are asked for, and {tmp_path} holds 2 of use; left out were b: ")
     assert "1.ply cannot be read as a .ply file" in message
-    assert len(felt(tmp_path, 2)) == 2
+    assert len(touched(tmp_path, 2)) == 2
 
 
 def test_too_few_touches_are_counted_where_nothing_was_left_out(tmp_path):
     write(tmp_path, patches(2))
     with pytest.raises(UserError, match=r"part: 5 touches are asked for, and .* holds 2 of use$"):
-        felt(tmp_path, 5)
+        touched(tmp_path, 5)
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path):

@@ -43,20 +43,20 @@ def uphill(network: Network) -> Network:
 def test_points_go_down_to_where_the_distance_is_0_each_by_its_own_step():
     network = uphill(small_grad_pu(step=0.01)).eval()
     for count in (1, 30):
-        places = torch.rand(2, count, 3) * 0.15 - torch.tensor([0.0, 0.0, 1.0])  # 0 to 0.15 above the plane
+        candidates = torch.rand(2, count, 3) * 0.15 - torch.tensor([0.0, 0.0, 1.0])  # 0 to 0.15 above the plane
         cloud, features = network.refine(torch.randn(2, 20, 3))
-        moved = network.upsampler.descend(places, cloud, features).detach()
-        close(moved[..., :2], places[..., :2], 1e-7)
-        height = places[..., 2] + 1
-        close(moved[..., 2], places[..., 2] - 0.01 * torch.ceil(height / 0.01).clamp_max(10), 1e-6)
+        moved = network.upsampler.descend(candidates, cloud, features).detach()
+        close(moved[..., :2], candidates[..., :2], 1e-7)
+        height = candidates[..., 2] + 1
+        close(moved[..., 2], candidates[..., 2] - 0.01 * torch.ceil(height / 0.01).clamp_max(10), 1e-6)
 
 
 def test_what_is_too_far_away_stays():
     network = uphill(small_grad_pu(step=0.01)).eval()
     cloud, features = network.refine(torch.randn(1, 20, 3))
     for height, moves in ((0.19, True), (0.21, False)):
-        places = torch.tensor([[[0.0, 0.0, height - 1]]])
-        assert torch.equal(network.upsampler.descend(places, cloud, features), places) is not moves
+        candidates = torch.tensor([[[0.0, 0.0, height - 1]]])
+        assert torch.equal(network.upsampler.descend(candidates, cloud, features), candidates) is not moves
 
 
 @pytest.mark.parametrize("rate", [1, 4])

@@ -22,14 +22,14 @@ def literal(refiner: Refiner, points: torch.Tensor, features: torch.Tensor) -> t
     rows = []
     for i, point in enumerate(points):
         edges = [torch.cat([points[j] - point, points[j], features[j]]) for j in near[i]]
-        said = [F.relu(refiner.edge_again(F.relu(refiner.edge(edge)))) for edge in edges]
-        summed = sum(torch.outer(h, kernel) for h, kernel in zip(said, kernels[i], strict=True))
+        message = [F.relu(refiner.edge_again(F.relu(refiner.edge(edge)))) for edge in edges]
+        summed = sum(torch.outer(h, kernel) for h, kernel in zip(message, kernels[i], strict=True))
         local = F.relu(refiner.local(summed.flatten()))
         skip = F.relu(refiner.skip(torch.stack(edges).amax(0)))
         query = refiner.query(features[i])
         logits = torch.stack([query @ refiner.key(other) for other in features]) / math.sqrt(len(query))
-        heard = F.relu(refiner.back(logits.softmax(0) @ refiner.value(features)))
-        rows.append(F.relu(refiner.merge(local + skip + heard)))
+        messages = F.relu(refiner.back(logits.softmax(0) @ refiner.value(features)))
+        rows.append(F.relu(refiner.merge(local + skip + messages)))
     return torch.stack(rows)
 
 

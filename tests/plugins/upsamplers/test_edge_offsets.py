@@ -40,12 +40,12 @@ def slowly(fan, points, features, rate):
     frames = [slow_frame(points, i, fan.neighbours) for i in range(len(points))]
     rings = next(rings for rings in range(1, 100) if rings * fan.spokes >= fan.surplus * rate)
     made = []
-    for i, (near, ways, unit, normal, rough) in enumerate(frames):
+    for i, (near, offsets, unit, normal, rough) in enumerate(frames):
         made.append(points[i])
-        around = slow_around(ways, normal, fan.spokes)
+        around = slow_around(offsets, normal, fan.spokes)
         for ring in range(1, rings + 1):
             share = FARTHEST * ring / rings
-            for j, way in zip(near[around], ways[around], strict=True):
+            for j, way in zip(near[around], offsets[around], strict=True):
                 edge = slow_edge(frames[i], frames[j], way)
                 known = fan.here(features[i]) + fan.there(features[j]) + fan.edge(edge)
                 height, reach = rough * fan.mlp(known + fan.share(torch.tensor([share, share**2], dtype=points.dtype)))
@@ -63,9 +63,9 @@ def test_untrained_places_are_on_the_near_half_of_the_ways_to_neighbours(seed, n
     points, spokes = points[0], min(8, n - 1)
     assert torch.equal(dense[:, 0], points), "the points themselves are places too"
     near = torch.cdist(points, points).argsort(1)[:, 1:17]
-    ways, places = (points[near] - points[:, None])[:, None], (dense - points[:, None])[:, 1:, None]
-    share = (places * ways).sum(-1) / ways.square().sum(-1)  # (point place neighbour)
-    off, which = (places - share.unsqueeze(-1) * ways).norm(dim=-1).min(-1)
+    offsets, places = (points[near] - points[:, None])[:, None], (dense - points[:, None])[:, 1:, None]
+    share = (places * offsets).sum(-1) / offsets.square().sum(-1)  # (point place neighbour)
+    off, which = (places - share.unsqueeze(-1) * offsets).norm(dim=-1).min(-1)
     assert off.max() < 1e-9
     share = share.gather(-1, which.unsqueeze(-1)).view(n, -1, spokes)  # ring by ring
     steps = torch.arange(1, share.shape[1] + 1, dtype=share.dtype) / share.shape[1]
@@ -162,7 +162,7 @@ def test_what_is_learned_moves_places_along_way_and_normal_and_the_points_not_at
     share = FARTHEST * torch.arange(1, 1 + moved.shape[2] // j.shape[2], dtype=points.dtype).view(-1, 1, 1)
     share = share * j.shape[2] / (moved.shape[2] - 1)
     normal = (1 - share) * frames.normal[:, :, None, None] + share * ends.unsqueeze(2)  # (2 30 rings spokes 3)
-    way = torch.stack([ways[columns] for ways, columns in zip(points, j, strict=True)]) - points.unsqueeze(2)
+    way = torch.stack([offsets[columns] for offsets, columns in zip(points, j, strict=True)]) - points.unsqueeze(2)
     across = torch.linalg.cross(normal, way.unsqueeze(2).expand_as(normal))
     assert (moved[:, :, 1:] * across.flatten(2, 3)).sum(-1).abs().max() < 1e-9
 

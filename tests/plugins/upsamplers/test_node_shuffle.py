@@ -25,9 +25,9 @@ def test_node_shuffle_knows_only_the_graph_of_the_points_not_where_they_are():
     part = NodeShuffle(Widths(refined=10, rate=3), channels=6, hidden=7, neighbours=4)
     points, features = torch.randn(1, 12, 3), torch.randn(1, 12, 10)
     turn, shift = torch.linalg.qr(torch.randn(3, 3)).Q, torch.randn(3)
-    ways = part(points, features, 3) - points.repeat_interleave(3, dim=1)
+    offsets = part(points, features, 3) - points.repeat_interleave(3, dim=1)
     moved = 2 * points @ turn + shift
-    close(part(moved, features, 3) - moved.repeat_interleave(3, dim=1), ways)
+    close(part(moved, features, 3) - moved.repeat_interleave(3, dim=1), offsets)
 
 
 def test_node_shuffle_refuses_another_rate():

@@ -19,8 +19,8 @@ def test_an_expansion_moves_copies_by_features_and_code():
     dense = expansion(points, features)
     for i in range(5):
         for j, code in enumerate(torch.tensor(codes)):
-            told = torch.cat([features[:, i], code.expand(2, -1)], dim=1)
-            close(dense[:, 2 * i + j], points[:, i] + expansion.mlp(expansion.enter(told)), 1e-6)
+            inputs = torch.cat([features[:, i], code.expand(2, -1)], dim=1)
+            close(dense[:, 2 * i + j], points[:, i] + expansion.mlp(expansion.enter(inputs)), 1e-6)
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 30))

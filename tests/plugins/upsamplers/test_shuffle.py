@@ -30,19 +30,19 @@ def test_shuffle_cuts_each_point_into_pieces_of_its_channels():
 def test_shuffle_can_start_on_the_ways_to_the_neighbours():
     widths, points, features = Widths(refined=32, rate=16), torch.randn(2, 30, 3), torch.randn(2, 30, 32)
     shuffle = Shuffle(widths, start="neighbours")
-    places, spacing = neighbour_offsets(points, 16)
-    close(shuffle(points, features, 16), places, 1e-6)  # untrained it is the fan itself
+    candidates, spacing = neighbour_offsets(points, 16)
+    close(shuffle(points, features, 16), candidates, 1e-6)  # untrained it is the fan itself
     with torch.no_grad():
         shuffle.mlp[2].bias.fill_(0.5)
-    moved = (shuffle(points, features, 16) - places).view(2, 30, 16, 3)
+    moved = (shuffle(points, features, 16) - candidates).view(2, 30, 16, 3)
     close(moved, 0.5 * spacing.unsqueeze(-1).expand(2, 30, 16, 3), 1e-5)
 
 
 @pytest.mark.parametrize("rate", [1, 4, 8, 12, 16])
 def test_a_fan_reaches_out_to_the_nearest_neighbours(rate):
     points = torch.randn(1, 40, 3).double()
-    places, spacing = neighbour_offsets(points, rate)
-    places = places.view(40, rate, 3)
+    candidates, spacing = neighbour_offsets(points, rate)
+    candidates = candidates.view(40, rate, 3)
     spokes, rings = min(8, rate), -(-rate // min(8, rate))
     for i in range(40):
         distance = (points[0] - points[0, i]).norm(dim=-1)
@@ -50,8 +50,8 @@ def test_a_fan_reaches_out_to_the_nearest_neighbours(rate):
         close(spacing[0, i, 0], distance[nearest].mean(), 1e-9)
         for j in range(rate):
             share = 0.4 * (1 - (j // spokes) / rings)
-            close(places[i, j], points[0, i] + share * (points[0, nearest[j % spokes]] - points[0, i]), 1e-7)
-    assert len(places.flatten(0, 1).unique(dim=0)) == 40 * rate
+            close(candidates[i, j], points[0, i] + share * (points[0, nearest[j % spokes]] - points[0, i]), 1e-7)
+    assert len(candidates.flatten(0, 1).unique(dim=0)) == 40 * rate
 
 
 def test_the_fan_of_a_larger_cloud_is_larger():
