@@ -167,9 +167,7 @@ def load(
 
 def _count(n: int, rate: float | int | None, count: int | None) -> int:
     if rate is not None and count is not None:
-        raise UserError(
-            f"rate {rate:g} and count {count} say the same thing twice: give one of them (--rate, --points)"
-        )
+        raise UserError(f"rate {rate:g} and count {count} exclude each other: give one of them (--rate, --points)")
     if count is not None:
         if count < 1:
             raise UserError(f"count is {count}: at least one point must come out")
@@ -179,7 +177,7 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
     rate = 4.0 if rate is None else float(rate)
     if not RATES[0] <= rate <= RATES[1]:
         raise UserError(
-            f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for other numbers give a count (--points)"
+            f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for fewer points give a count (--points)"
         )
     return round(rate * n)
 

@@ -99,7 +99,7 @@ def test_touches_in_another_unit_or_frame_are_refused_with_both_sizes(interpolat
 
 def test_a_touch_where_the_cloud_has_no_points_is_told_and_used(interpolation):
     far = 0.1 * cloud() + [0, 0, 0.9]
-    with pytest.warns(UserWarning, match=r"touched points, up to 0\.\d+ away from the cloud"):
+    with pytest.warns(UserWarning, match=r"touched points lie up to 0\.\d+ from the cloud"):
         made = interpolation.upsample(cloud(), [0.1 * cloud(), far], rate=2)
     assert (cKDTree(made).query(far)[0] == 0).any()
 
@@ -117,9 +117,9 @@ def test_touches_without_points_are_refused(interpolation, touch):
         ({"rate": 65}, "rate is 65"),
         ({"rate": float("nan")}, "rate is nan"),
         ({"count": 0}, "count is 0"),
-        ({"count": 10}, "10 points were asked of a cloud of 60"),
+        ({"count": 10}, "10 points are fewer than the 60 of the cloud"),
         ({"count": 100_000}, "more than 64 times the cloud's 60 points"),
-        ({"rate": 2.0, "count": 100}, "say the same thing twice"),
+        ({"rate": 2.0, "count": 100}, "exclude each other"),
     ],
 )
 def test_impossible_numbers_are_said(interpolation, options, said):
@@ -176,7 +176,7 @@ def test_a_misplaced_touch_is_told_with_how_far_it_is_off(interpolation):
     lifted = points[:50] + np.array([0, 0, 0.3])
     taken = unseen(points, [points[20:25], lifted])
     off = cKDTree(points).query(taken)[0].max()
-    with pytest.warns(UserWarning, match=f"^{len(taken)} touched points, up to {off:.4g} away from the cloud"):
+    with pytest.warns(UserWarning, match=f"^{len(taken)} touched points lie up to {off:.4g} from the cloud"):
         interpolation.upsample(points, [points[20:25], lifted])
 
 

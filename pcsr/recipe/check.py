@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.merge import merge
-from pcsr.recipe.old_names import modernize
+from pcsr.recipe.old_names import KEYS, modernize
 from pcsr.recipe.part_keys import MODEL, NAMES, PARTS
 from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patches, Recipe, options_model
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
@@ -172,6 +172,9 @@ def _mistake(keys: Keys, errors: list[Any], model: type[BaseModel], head: tuple[
         owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
         if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
             return Mistake(locate(keys, True), f"'{keys[-1]}' is a key of the file: write it at the top level")
+        if not head and keys in KEYS:
+            new = f"{keys[0]}.{KEYS[keys]}"
+            return Mistake(locate(keys, True), f"{path} is the old name of {new}, which is given too: remove it")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
         return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":

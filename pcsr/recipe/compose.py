@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pcsr import recipes
 from pcsr.errors import UserError
 from pcsr.recipe.matrix import add_axis, count_runs, expand, varied
 from pcsr.recipe.merge import assign, assign_dotted, merge, normalize
@@ -76,10 +77,7 @@ def compared(path: Path, study: Source) -> Iterator[Source]:
         if not isinstance(changes.get("use"), str):
             text = "a recipe to compare is a file, or `{use: file, dotted.key: value}`"
             raise RecipeError([Mistake(study.location(item), text)])
-        target = path.parent / changes["use"]
-        if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
-            text = f"there is no recipe {shown_path(target)}: it is relative to this file"
-            raise RecipeError([Mistake(study.location(item), text)])
+        target = _named(path, changes["use"], study.location(item), "it is")
         single = _with_parents(target, ())
         if "recipes" in single.data:
             text = f"{target} is a study itself: name its recipes instead"
@@ -103,17 +101,30 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> Source:
     location = source.values[("extends",)]
     if not isinstance(parent, str):
         raise RecipeError([Mistake(location, f"extends must be one recipe file, got {shown(parent)}")])
-    target = path.parent / parent
+    target = _named(path, parent, location, "extends is")
     chain = (*children, path.resolve())
-    if not os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
-        text = f"there is no recipe {shown_path(target)}: extends is relative to this file"
-        raise RecipeError([Mistake(location, text)])
     if target.resolve() in chain:
         raise RecipeError([Mistake(location, f"'{parent}' extends this recipe in turn: break the circle")])
     if len(chain) > MOST_PARENTS:
         text = f"more than {MOST_PARENTS} recipes extend each other in a chain: shorten it"
         raise RecipeError([Mistake(location, text)])
     return merge(_with_parents(target, chain), source)
+
+
+def _named(path: Path, use: str, location: Location, subject: str) -> Path:
+    """Return the file that a recipe names: relative to the recipe's own file, or one that comes with pcsr.
+
+    Raises:
+        RecipeError: there is neither.
+    """
+    target = path.parent / use
+    if os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
+        return target
+    name = use.removesuffix(".yaml")
+    if name in recipes.names():
+        return recipes.found(Path(name))
+    text = f"there is no recipe {shown_path(target)}: {subject} relative to this file, or names a recipe of pcsr"
+    raise RecipeError([Mistake(location, text)])
 
 
 def override_key(source: Source, override: str, written: str | None = None) -> None:

@@ -10,14 +10,14 @@ from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
 
 
-def normalize(source: Source) -> Source:
+def normalize(source: Source, origin: str | None = None) -> Source:
     """Bring a recipe, in place, into the form that `merge` needs: `{use: name}` for each part, no names of 0.1."""
     for keys in PARTS:
         section = source.data.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
             section[keys[1]] = {"use": section[keys[1]]}
             source.values[(*keys, "use")] = source.location(keys)
-    modernize(source)
+    modernize(source, origin)
     return source
 
 
@@ -100,7 +100,7 @@ def assign(source: Source, keys: Keys, value: Any, location: Location, name: Loc
             over.values[keys[:depth]] = location
             over.names[keys[:depth]] = name or location
     over.data = data
-    merged = merge(source, normalize(over))
+    merged = merge(source, normalize(over, str(name or location)))
     source.data, source.values, source.names = merged.data, merged.values, merged.names
 
 

@@ -42,8 +42,12 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
 
 
-def modernize(source: Source) -> None:
+def modernize(source: Source, origin: str | None = None) -> None:
     """Replace the names of 0.1 in a recipe, in place.
+
+    Args:
+        source: recipe to change.
+        origin: name of the recipe in the warning; its file by default.
 
     Warns:
         PcsrWarning: the recipe uses names of 0.1; one warning lists all of them with the new names.
@@ -62,7 +66,7 @@ def modernize(source: Source) -> None:
         for number, row in enumerate(rows if isinstance(rows, list) else ()):
             notes += _modernize_dotted(source, (*keys, number), row)
     if notes:
-        origin = source.values[()].origin
+        origin = origin or source.values[()].origin
         text = f"{origin} uses names of pcsr 0.1, which are still read: {'; '.join(dict.fromkeys(notes))}"
         warnings.warn(shortened(text, 1000), PcsrWarning, stacklevel=2)
 

@@ -79,12 +79,12 @@ def densify(
     cloud = np.asarray(points, np.float64)
     n = len(cloud)
     if n < FEWEST:
-        raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed to know a surface by")
+        raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed")
     check_cloud(cloud, extent=True)
     new = count - n if keep else count
     if new < 0:
         raise UserError(
-            f"{count} points were asked of a cloud of {n}: ask for more, or don't keep the old ones (--replace)"
+            f"{count} points are fewer than the {n} of the cloud: ask for more, or don't keep the old ones (--replace)"
         )
     parts: list[CloudArray] = []
     touched = unseen(cloud, touches)
@@ -113,8 +113,8 @@ def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
         return
     more = f"; only {new} of them fit into the count, so ask for more points" if new < len(touched) else ""
     warnings.warn(
-        f"{len(touched)} touched points, up to {distance.max():.4g} away from the cloud, are taken for a part of the "
-        f"surface that it does not show: if it does show it there, these touches are misplaced{more}",
+        f"{len(touched)} touched points lie up to {distance.max():.4g} from the cloud and are added to it as unseen "
+        f"surface: if the cloud covers that region, these touches are misplaced{more}",
         PcsrWarning,
         stacklevel=5,
     )

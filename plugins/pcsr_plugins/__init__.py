@@ -1,7 +1,7 @@
-"""The first-party parts, registered through the entry-point group `pcsr` as everyone else's are.
+"""The parts that come with pcsr, registered through the entry-point group `pcsr` like those of any plugin.
 
 The networks, TAPSR first. Each is five parts: an encoder, a fusion of touches, a backbone, an upsampler and an
-objective. Recipes are in `pcsr/recipes`. One part a file, the file's name is the part's name.
+objective. Recipes are in `pcsr/recipes`. Each part has a file or a folder of its name, with underscores for hyphens.
 
 ========================  ===============  ===========  ===============  ============  ===========  ====================
 recipe                    encoder          fusion       backbone         upsampler     objective    source
@@ -30,7 +30,7 @@ from pcsr import Register, hookimpl
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Register the parts of the paper, its baselines, and the embedded data."""
+    """Register the parts of the paper and of other networks, the sources of data, metrics and baselines."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
     register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")

@@ -86,3 +86,17 @@ def test_a_recipe_without_a_model_gets_the_default_one_before_it_is_changed(writ
     assert run.data["model"] == expected != DEFAULTS["model"]
     (run,) = compose(write("name: a"), ["model={encoder: net}"])  # whoever writes a model names its parts
     assert run.data["model"] == {"encoder": {"use": "net"}}
+
+
+@pytest.mark.parametrize("name", ["tapsr", "tapsr.yaml", "touch/size"])
+def test_a_recipe_of_pcsr_is_named_from_anywhere(write, name):
+    path = write(f"extends: {name}\nname: mine\n")
+    (made, *_) = compose(path)
+    assert "data" in made.data
+    assert not made.mistakes
+
+
+def test_a_file_beside_the_recipe_comes_before_the_recipe_of_pcsr(write):
+    write("name: tapsr\nseed: 7\n", "tapsr.yaml")
+    (made,) = compose(write("extends: tapsr.yaml\nname: mine\n"))
+    assert made.data["seed"] == 7

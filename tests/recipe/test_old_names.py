@@ -76,7 +76,10 @@ def test_an_old_key_on_the_command_line(override, registry):
 def test_an_old_key_beside_the_new_one_is_a_mistake(registry, tmp_path):
     path = tmp_path / "both.yaml"
     path.write_text("name: both\ntrain: {rate: 1e-3, learning_rate: 1e-3}")
-    with pytest.raises(RecipeError, match=r"both\.yaml:2:9: train takes no 'rate'"):
+    with pytest.raises(
+        RecipeError,
+        match=r"both\.yaml:2:9: train\.rate is the old name of train\.learning_rate, which is given too: remove it",
+    ):
         list(load(path, registry))
 
 

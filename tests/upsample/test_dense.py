@@ -124,7 +124,7 @@ def under(count, seed=0):
     return np.column_stack([x, y, np.full(count, -1.0)])
 
 
-UNSEEN = "touched points, up to .* away from the cloud, are taken for a part of the surface that it does not show"
+UNSEEN = "touched points lie up to .* from the cloud and are added to it as unseen surface"
 
 
 @pytest.mark.parametrize("keep", [True, False])
@@ -180,7 +180,7 @@ def test_progress_ends_at_all_points():
     [
         (bowl(15), 30, "the cloud has 15 points: at least 16 are needed"),
         (np.ones((20, 3)), 40, "all 20 points of the cloud lie on one spot"),
-        (bowl(20), 19, "19 points were asked of a cloud of 20"),
+        (bowl(20), 19, "19 points are fewer than the 20 of the cloud"),
     ],
 )
 def test_what_cannot_be_done_is_said(cloud, count, said):

@@ -140,7 +140,7 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
             raise UserError(f"{name}: none of its {dropped} points has coordinates that are all finite")
         cloud = cloud.chosen(finite) if dropped else cloud
         return replace(cloud, about={**cloud.about, "dropped": dropped})
-    _checked(cloud.points, name, ", or have them dropped: --bad drop, or bad='drop' in Python")
+    _checked(cloud.points, name, ", or have them dropped: --bad drop")
     return cloud
 
 
