@@ -95,7 +95,7 @@ class Model:
                 output points is out of range.
 
         Warns:
-            PcsrWarning: a touch lies in a gap of the cloud.
+            PcsrWarning: touched points lie where the cloud has no points.
 
         Examples:
             >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
