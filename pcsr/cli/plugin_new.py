@@ -84,10 +84,16 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     Raises:
         UserError: the name is invalid, or its module, class or distribution would hide or replace another.
     """
+    from pcsr.plugins import renamed
+
     if not re.fullmatch(NAME, name):
         raise UserError(
             f"name '{name}': it must consist of letters and digits with single hyphens between them, and begin with a "
             f"letter, such as my-{kind}"
+        )
+    if (kind, name) in renamed.PARTS:
+        raise UserError(
+            f"name '{name}': in pcsr 0.1 it was that of {kind} '{renamed.PARTS[kind, name]}': choose another"
         )
     module = name.replace("-", "_").lower()
     part = "".join(word[0].upper() + word[1:] for word in name.split("-"))

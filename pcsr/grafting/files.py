@@ -16,6 +16,7 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.old_names import modern_part
 from pcsr.weights.file import NONSENSE, card_text, open_tensors, parse_card
 from pcsr.weights.fit import fill
 
@@ -85,8 +86,8 @@ def _read(path: Path) -> tuple[dict[str, Tensor], InjectionPoint, Any, Any]:
             return (
                 tensors,
                 _point(card),
-                card["fusion"],
-                card["touch_encoder"],
+                modern_part("fusion", card["fusion"]) if isinstance(card["fusion"], dict) else card["fusion"],
+                modern_part("encoder", encoder) if isinstance(encoder := card["touch_encoder"], dict) else encoder,
             )
     except (OSError, *NONSENSE) as error:
         reason = textwrap.shorten(str(error), 200)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pcsr.errors import UserError
+from pcsr.plugins import renamed
 from pcsr.plugins.registry import FILE, FIRST_PARTY, Registry
 from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import PARTS
@@ -35,14 +36,15 @@ def foreign_parts(recipe: Mapping[str, Any], registry: Registry) -> list[dict[st
 def _used(recipe: Mapping[str, Any], keys: Collection[Keys] = PARTS.keys()) -> list[tuple[str, str]]:
     """Return kind and name of each part that a recipe names under `keys`, without repetitions.
 
-    The recipe need not be valid.
+    Old names of renamed parts are replaced. The recipe need not be valid.
     """
     used = []
     for section, key in (part for part in PARTS if part in keys):
         inner = recipe.get(str(section))
         part = inner.get(key) if isinstance(inner, dict) else None
         if isinstance(part, dict) and isinstance(part.get("use"), str):
-            used.append((PARTS[section, key], part["use"]))
+            kind, name = PARTS[section, key], part["use"]
+            used.append((kind, str(renamed.PARTS.get((kind, name), name))))
     return list(dict.fromkeys(used))
 
 

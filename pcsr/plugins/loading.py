@@ -21,7 +21,7 @@ from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
 from pcsr.plugins import hookspecs, renamed
 from pcsr.plugins.code import GROUP, LARGEST, python_files
 from pcsr.plugins.guard import guarded_import
-from pcsr.plugins.registry import FILE, Failure, Register, Registry
+from pcsr.plugins.registry import FILE, Failure, Register, Registry, described
 from pcsr.validation_messages import shown_path
 
 
@@ -90,7 +90,7 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
         registry.entries = before
         old = renamed.old_names(python_files(owner, in_file=version == FILE))
         if old:
-            error = UserError(old).with_traceback(error.__traceback__)
+            error = UserError(f"{old} ({described(error)})").with_traceback(error.__traceback__)
         registry.failures.append(Failure(owner, version, error))
 
 

@@ -79,7 +79,8 @@ class Entry:
                 with guarded_import(f"{self.kind} '{self.name}' of {self.owner}"):
                     part = getattr(importlib.import_module(module), attribute)
             except (Exception, SystemExit) as error:
-                why = renamed.old_names(python_files(self.owner, in_file=self.version == FILE)) or described(error)
+                old = renamed.old_names(python_files(self.owner, in_file=self.version == FILE))
+                why = f"{old} ({described(error)})" if old else described(error)
                 raise UserError(
                     f"{self.kind} '{self.name}' of {self.owner} cannot be loaded from '{self.target}': {why}"
                 ) from error

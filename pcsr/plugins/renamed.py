@@ -29,8 +29,12 @@ MEMBERS = {
     "Touch.of_fingers": "Touch.grasp",
 }
 """Renamed members of public classes, as they are written in code: `Class.member`."""
+OURS = ("pcsr", "pcsr_plugins", "torch", "builtins", "typing", "abc")
+"""Packages whose classes have today's names."""
 METHODS = {"thinned": "Touch.resampled"}
 """Renamed methods, which are found by their name alone."""
+RAY_METHODS = {"places": "MeshRays.surface_points"}
+"""Renamed methods in files that import `pcsr.geometry.rays`."""
 ATTRIBUTES = {
     "places": "path_options",
     "hears_features": "uses_touch_features",
@@ -52,7 +56,8 @@ def check_class(part: type) -> None:
     Raises:
         UserError: the class sets a renamed attribute, or overrides a method with its old parameters.
     """
-    own = vars(part)
+    foreign = [one for one in part.__mro__ if one.__module__.partition(".")[0] not in OURS]
+    own = {name: value for one in reversed(foreign) for name, value in vars(one).items()}
     found = [_changed(old, new) for old, new in ATTRIBUTES.items() if old in own and not callable(own[old])]
     for name, new in SIGNATURES.items():
         method = own.get(name)
@@ -75,6 +80,8 @@ def old_names(files: Iterable[Path]) -> str:
 
 
 def _in_tree(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    methods = METHODS | (RAY_METHODS if "pcsr.geometry.rays" in imported else {})
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module in ("pcsr", "pcsr.contracts"):
             yield from ((alias.name, PUBLIC[alias.name]) for alias in node.names if alias.name in PUBLIC)
@@ -83,8 +90,8 @@ def _in_tree(tree: ast.AST) -> Iterator[tuple[str, str]]:
             names = {f"pcsr.{old}": f"pcsr.{new}" for old, new in (PUBLIC | MEMBERS).items()} | MEMBERS
             if dotted in names:
                 yield dotted, names[dotted]
-            elif node.attr in METHODS:
-                yield f".{node.attr}", METHODS[node.attr]
+            elif node.attr in methods:
+                yield f".{node.attr}", methods[node.attr]
         elif isinstance(node, ast.ClassDef):
             yield from _in_class(node)
 

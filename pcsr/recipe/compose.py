@@ -9,6 +9,7 @@ from pcsr import recipes
 from pcsr.errors import UserError
 from pcsr.recipe.matrix import add_axis, count_runs, expand, varied
 from pcsr.recipe.merge import assign, assign_dotted, merge, normalize
+from pcsr.recipe.old_names import modern_key
 from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, RecipeError, Source, read, scalar
 from pcsr.validation_messages import shortened, shown, shown_path
 
@@ -120,7 +121,7 @@ def _named(path: Path, use: str, location: Location, subject: str) -> Path:
     target = path.parent / use
     if os.path.isfile(target):  # unlike `Path.is_file`, it accepts names that no file can have
         return target
-    name = use.removesuffix(".yaml")
+    name = use.removeprefix("recipes/").removesuffix(".yaml")
     if name in recipes.names():
         return recipes.found(Path(name))
     text = f"there is no recipe {shown_path(target)}: {subject} relative to this file, or names a recipe of pcsr"
@@ -140,7 +141,8 @@ def override_key(source: Source, override: str, written: str | None = None) -> N
     keys = tuple(dotted.split("."))
     matrix = source.data.get("matrix")
     axes = matrix if isinstance(matrix, dict) else {}
-    together = [axis for axis, rows in axes.items() if axis != dotted and dotted in varied(rows)]
+    modern = modern_key(dotted)  # as the axes of a matrix are
+    together = [axis for axis, rows in axes.items() if axis != modern and modern in varied(rows)]
     if not equals or not all(keys):
         remedy = "write --set dotted.key=value, for example --set train.epochs=5"
         source.mistakes.append(Mistake(location, remedy))
@@ -153,7 +155,7 @@ def override_key(source: Source, override: str, written: str | None = None) -> N
         remedy = f"the matrix varies {dotted} together with others: change matrix.{together[0]} in the file"
         source.mistakes.append(Mistake(location, remedy))
     else:
-        axes.pop(dotted, None)
+        axes.pop(modern, None)
         try:
             assign(source, keys, scalar(text, location), location)
         except RecipeError as error:

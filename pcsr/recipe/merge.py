@@ -28,6 +28,8 @@ def merge(base: Source, override: Source) -> Source:
     dropped.
     """
     merged = base.copy()
+    override = override.copy()
+    modernize(override, base=base.data)  # options beside no `use` are those of the base's part
     updated, replaced = _update(merged.data, override.data, ())
     for locations, new_locations in ((merged.values, override.values), (merged.names, override.names)):
         for known in [keys for keys in locations if _inside(keys, replaced)]:
@@ -77,7 +79,7 @@ def _inside(keys: Keys, replaced: set[Keys]) -> bool:
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
     """Return whether two mappings name different parts, or different choices among the options of a part."""
-    return keys[:2] in PARTS and "use" in new and new["use"] != old.get("use")
+    return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 
 def assign(source: Source, keys: Keys, value: Any, location: Location, name: Location | None = None) -> None:

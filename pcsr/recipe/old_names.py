@@ -11,7 +11,7 @@ from typing import Any
 from pcsr.errors import PcsrWarning
 from pcsr.plugins import renamed
 from pcsr.recipe.part_keys import PARTS
-from pcsr.recipe.source import Keys, Source
+from pcsr.recipe.source import Keys, Location, Source
 from pcsr.validation_messages import shortened
 
 KEYS: dict[Keys, str] = {
@@ -42,12 +42,13 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
 
 
-def modernize(source: Source, origin: str | None = None) -> None:
+def modernize(source: Source, origin: str | None = None, base: dict[str, Any] | None = None) -> None:
     """Replace the names of 0.1 in a recipe, in place.
 
     Args:
         source: recipe to change.
         origin: name of the recipe in the warning; its file by default.
+        base: data of the recipe that it is merged over; a part without `use` is the base's.
 
     Warns:
         PcsrWarning: the recipe uses names of 0.1; one warning lists all of them with the new names.
@@ -57,7 +58,7 @@ def modernize(source: Source, origin: str | None = None) -> None:
         if _move(source, keys, (keys[0], new)):
             notes.append(f"{_dotted(keys)} is now {keys[0]}.{new}")
     for keys, kind in PARTS.items():
-        notes += _modernize_part(source, keys, kind)
+        notes += _modernize_part(source, keys, kind, base or {})
     matrix = source.data.get("matrix")
     notes += _modernize_dotted(source, ("matrix",), matrix)
     groups = matrix.items() if isinstance(matrix, dict) else ()
@@ -112,22 +113,36 @@ def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
     return {**old, "use": names.get(old["use"], old["use"])}
 
 
-def _modernize_part(source: Source, keys: Keys, kind: str) -> list[str]:
+def modern_part(kind: str, part: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of a part's mapping `{use: name, …}` with today's names."""
+    section, key = next(keys for keys, of in PARTS.items() if of == kind)
+    source = Source({str(section): {key: copy.deepcopy(part)}}, {(): Location(f"the {kind}")})
+    _modernize_part(source, (section, key), kind, {})
+    modern: dict[str, Any] = source.data[str(section)][key]
+    return modern
+
+
+def _modernize_part(source: Source, keys: Keys, kind: str, base: dict[str, Any]) -> list[str]:
     section = source.data.get(str(keys[0]))
     part = section.get(keys[1]) if isinstance(section, dict) else None
-    if not (isinstance(part, dict) and isinstance(part.get("use"), str)):
+    if not isinstance(part, dict):
+        return []
+    below = base.get(str(keys[0]))
+    below = below.get(keys[1]) if isinstance(below, dict) else None
+    use = part.get("use", below.get("use") if isinstance(below, dict) else None)
+    if not isinstance(use, str):
         return []
     notes = []
-    new = renamed.PARTS.get((kind, part["use"]))
+    new = renamed.PARTS.get((kind, use)) if "use" in part else None
     if new is not None:
         notes.append(f"{kind} '{part['use']}' is now '{new}'")
-        part["use"] = new
-    for option, default in REMOVED.get((kind, part["use"]), {}).items():
+        part["use"] = use = new
+    for option, default in REMOVED.get((kind, use), {}).items():
         if option in part and part[option] == default:
             del part[option]
-    name = f"{kind} '{part['use']}'"
+    name = f"{kind} '{use}'"
     grouped: dict[str, list[str]] = {}
-    for option, inner in OPTIONS.get((kind, part["use"]), {}).items():
+    for option, inner in OPTIONS.get((kind, use), {}).items():
         if not _move(source, (*keys, option), (*keys, *inner)):
             continue
         if inner[-1] == option:

@@ -15,7 +15,7 @@ from pcsr.recipe.merge import merge
 from pcsr.recipe.part_keys import PARTS
 from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
-from pcsr.weights import names
+from pcsr.weights import SHA256_IN_0_1, names
 from pcsr.weights.file import read_card
 from pcsr.weights.find import find
 
@@ -112,7 +112,8 @@ def _named(written: Any, location: Location, registry: Registry) -> tuple[Weight
     # A path in a file is relative to that file; a path on the command line, to the current folder.
     path = find(use, Path(location.origin).parent if location.line else Path())
     weights_file = WeightsFile.read(path, registry)
-    if named.get("sha256", weights_file.sha256) != weights_file.sha256:
+    accepted = (weights_file.sha256, SHA256_IN_0_1.get(weights_file.sha256))
+    if named.get("sha256", weights_file.sha256) not in accepted:
         raise UserError(
             f"the weights {path} have the hash {weights_file.sha256[:12]}…, but weights.sha256 is "
             f"{str(named['sha256'])[:12]}…: get the file with this hash, or remove weights.sha256"

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import as_in_0_1
+from pcsr.weights import SHA256_IN_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
@@ -225,7 +226,7 @@ class Recipe(Section):
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
         decisive: dict[str, Any] = {"seed": self.seed, "data": data, "model": plain["model"]}
         if self.weights:
-            decisive["weights"] = self.weights.sha256
+            decisive["weights"] = SHA256_IN_0_1.get(self.weights.sha256, self.weights.sha256)
         else:
             decisive["train"] = plain["train"] | {"touches": list(self.touch_range)}
         if self.joined:

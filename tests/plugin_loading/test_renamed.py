@@ -20,6 +20,7 @@ EXAMPLES = {
         "Item is now ShapeItem",
         "Touch.of_one_finger is now Touch.single",
         ".thinned is now Touch.resampled",
+        ".places is now MeshRays.surface_points",
     ],
 }
 

@@ -5,13 +5,18 @@ import warnings
 from pathlib import Path
 
 import pytest
+import torch
+from safetensors.torch import load_file, save_file
 
 from pcsr.errors import PcsrWarning
+from pcsr.files import sha256
+from pcsr.network.load import load_weights
 from pcsr.plugins import renamed
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import check_card, load
 from pcsr.recipe.old_names import KEYS, OPTIONS, as_in_0_1, modern_key
 from pcsr.recipe.source import RecipeError
+from pcsr.weights import SHA256_IN_0_1, names, shipped
 
 OLD = Path(__file__).parents[1] / "version_0_1"
 FINGERPRINTS = {
@@ -103,3 +108,61 @@ def test_each_renamed_part_and_option_is_there(registry):
         assert (kind, old) not in registry.entries
         assert (kind, new) in registry.entries
     assert all((kind, name) in registry.entries for kind, name in OPTIONS)
+
+
+@pytest.mark.parametrize("name", ["frames", "tapsr"])
+def test_a_weights_file_of_0_1_gives_the_same_network(name, registry, tmp_path):
+    card = json.loads((OLD / f"card-{name}.json").read_text())
+    path = tmp_path / "old.safetensors"
+    save_file(load_file(shipped(name)), path, {"pcsr": json.dumps(card)})
+    with pytest.warns(PcsrWarning, match=r"uses names of pcsr 0\.1") as caught:
+        network, recipe, _ = load_weights(path, registry)
+    assert len(caught) == 1
+    assert recipe.fingerprint == card["fingerprint"]
+    today = load_weights(shipped(name), registry)[0]
+    points = torch.rand(1, 64, 3, generator=torch.Generator().manual_seed(0))
+    with torch.inference_mode():
+        assert torch.equal(network(points, 4 if name == "frames" else 16), today(points, 4 if name == "frames" else 16))
+
+
+CHILDREN = {
+    "a child": ("data: {touch: {depth_noise: 0.1}}", ()),
+    "a matrix": ("matrix: {data.touch.depth_noise: [0.1]}", ()),
+    "an option": ("", ["data.touch.depth_noise=0.1"]),
+}
+
+
+@pytest.mark.parametrize("child", CHILDREN)
+def test_an_old_option_over_the_part_of_a_parent(child, registry, tmp_path):
+    text, overrides = CHILDREN[child]
+    (tmp_path / "parent.yaml").write_text("name: parent\ndata: {touch: {use: digit, depth_noise: 0.05, blur: 0.2}}")
+    (tmp_path / "child.yaml").write_text(f"extends: parent.yaml\nname: child\n{text}")
+    with pytest.warns(PcsrWarning, match="depth_noise"):
+        (recipe,) = load(tmp_path / "child.yaml", registry, overrides)
+    noise = recipe.data.touch.options["noise"]
+    assert (noise.depth_noise, noise.blur) == (0.1, 0.2)
+
+
+def test_another_policy_keeps_the_options_beside_it(registry, tmp_path):
+    path = tmp_path / "policies.yaml"
+    path.write_text(
+        "name: policies\ndata: {touch: {use: digit, policy: {use: grasp, spacing: 30, tries: 500}}}\n"
+        "matrix: {data.touch.policy: [uniform, grasp]}"
+    )
+    policies = [recipe.data.touch.options["policy"] for recipe in load(path, registry)]
+    assert [(one.use, one.spacing, one.tries) for one in policies] == [("uniform", 30, 500), ("grasp", 30, 500)]
+
+
+def test_an_old_key_on_the_command_line_wins_over_an_old_matrix(registry):
+    with pytest.warns(PcsrWarning):
+        (recipe,) = load(OLD / "recipe.yaml", registry, ["train.rate=0.5"])
+    assert recipe.train.learning_rate == 0.5
+
+
+def test_shipped_weights_count_as_those_of_0_1(registry, tmp_path):
+    assert {sha256(shipped(name)) for name in names()} == set(SHA256_IN_0_1)
+    path = tmp_path / "weights.yaml"
+    written = "a48aff982cb3c3c4929fdff8dfb8fc08ced219945f87b808b32c0f48102fd98d"  # as in a run folder of 0.1
+    path.write_text(f"name: finished\nweights: {{use: frames, sha256: {written}}}")
+    (recipe,) = load(path, registry)
+    assert recipe.weights.sha256 == sha256(shipped("frames"))

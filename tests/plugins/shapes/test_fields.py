@@ -41,12 +41,15 @@ def test_a_straight_limb_is_a_tapered_capsule():
 @given(st.lists(points, min_size=3, max_size=3), st.floats(2, 6))
 def test_a_bent_limb_follows_its_curve(shift, radius):
     through = np.array([(-40, 0, 0), (0, 0, 0), (40, 0, 0)]) + 0.4 * np.array(shift)
-    curve = CubicSpline(np.arange(3), through, bc_type="natural")(np.linspace(0, 2, 4001))
+    spline, steps = CubicSpline(np.arange(3), through, bc_type="natural"), np.linspace(0, 2, 4001)
+    curve, first, second = (spline(steps, order) for order in range(3))
+    bend = (np.linalg.norm(first, axis=1) ** 3 / np.linalg.norm(np.cross(first, second), axis=1).clip(1e-9)).min()
     field = sdf.limb([tuple(p) for p in through], 3 * [radius])
     near = curve[::40] + np.random.default_rng(0).normal(size=(101, 3)) * radius
-    naive = np.linalg.norm(near[:, None] - curve, axis=2).min(axis=1) - radius
-    # Where a curve turns sharply its straight pieces cut the bend a little.
-    np.testing.assert_allclose(field(near), naive, atol=0.03 * radius)
+    naive = np.linalg.norm(near[:, None] - curve, axis=2).min(axis=1)
+    # Towards the centre of a bend many points of the curve are equally near, and its pieces cut the bend a little.
+    clear = naive < bend / 2
+    np.testing.assert_allclose(field(near)[clear], naive[clear] - radius, atol=0.03 * radius)
 
 
 def test_pieces_do_not_show_on_a_bent_limb():
