@@ -12,6 +12,8 @@ from jaxtyping import Float
 from pcsr.contracts import Baseline, Metric, ShapeSource
 from pcsr.data.dataset import Split
 from pcsr.data.sample import covered_points, item_seed
+from pcsr.errors import UserError
+from pcsr.metrics.one_cloud import measured
 from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.network.network import Network
 from pcsr.plugins.registry import FILE, Registry
@@ -72,8 +74,27 @@ def _baseline_method(name: str, baseline: Baseline, recipe: Recipe) -> Method:
         return Method(name, 0, None, baseline)
     rate, seed = recipe.data.rate, recipe.data_seed
     return Method(
-        name, 0, lambda points, touches: baseline.upsample(points, rate, None, np.random.default_rng([seed, 1]))
+        name, 0, lambda points, touches: upsampled(name, baseline, points, rate, None, np.random.default_rng([seed, 1]))
     )
+
+
+def upsampled(
+    name: str, baseline: Baseline, points: Cloud, rate: int, mesh: Mesh | None, rng: np.random.Generator
+) -> Float[np.ndarray, "_ 3"]:
+    """Run a baseline, which may be a plugin's, on copies of the cloud and the mesh.
+
+    Raises:
+        UserError: the result is not `rate` times as many finite points.
+    """
+    dense = baseline.upsample(points.copy(), rate, mesh and (mesh[0].copy(), mesh[1].copy()), rng)
+    wanted = (rate * len(points), 3)
+    shape = getattr(dense, "shape", None)
+    if not isinstance(dense, np.ndarray) or shape != wanted or dense.dtype.kind != "f" or not np.isfinite(dense).all():
+        raise UserError(
+            f"baseline '{name}' gave {type(dense).__name__} of shape {shape}, not finite points of shape {wanted}: "
+            f"mend it, or leave it out of evaluate.baselines"
+        )
+    return dense
 
 
 def metrics_of(recipe: Recipe, registry: Registry) -> dict[str, Metric]:
@@ -138,7 +159,7 @@ def evaluate(
                         plain.add(method.upsample, points, [])
                 elif method.bound is not None:
                     stream = bound_stream(recipe.data_seed, split.names[i])
-                    runs[-1].add(method.bound.upsample, points, recipe.data.rate, mesh, stream)
+                    runs[-1].add(upsampled, method.name, method.bound, points, recipe.data.rate, mesh, stream)
                 advance()
     # Another process cannot import a class of a plugin file by its name.
     here = {name: metric for name, metric in metrics.items() if registry.entries["metric", name].version == FILE}
@@ -148,11 +169,11 @@ def evaluate(
         for timed in runs
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
-    measured = _measured(tasks, here, jobs, advance)
+    values_of_tasks = _measured(tasks, here, jobs, advance)
     touch = _touch_effect(recipe, split, compared, runs, plain) if plain.clouds else None
     results = []
     for method, timed in zip(compared, runs, strict=True):
-        rows = [next(measured) for _ in range(len(split))]
+        rows = [next(values_of_tasks) for _ in range(len(split))]
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
         result = {"name": method.name, "parameters": method.parameters, "seconds": timed.median, "values": values}
         results.append(validated(MethodResult, result, f"method '{method.name}'", "mend the metric, or leave it out"))
@@ -233,7 +254,7 @@ def _measured(
 @threads(1)
 def _measure(task: _Task) -> dict[str, float]:
     prediction, truth = _tensor(task.dense), _tensor(task.truth)
-    return {name: metric.measure(prediction, truth, task.mesh) for name, metric in task.metrics.items()}
+    return {name: measured(name, metric, prediction, truth, task.mesh) for name, metric in task.metrics.items()}
 
 
 def _tensor(cloud: Cloud) -> Float[torch.Tensor, "n 3"]:

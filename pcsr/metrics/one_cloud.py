@@ -1,5 +1,6 @@
 """Evaluation of one cloud: all metrics by name, in a frame of choice."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from pcsr.clouds.convert import convert
 from pcsr.clouds.meshes import check_faces
@@ -14,11 +16,12 @@ from pcsr.contracts import Metric
 from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
-from pcsr.metrics import METRICS
+from pcsr.metrics import METRICS, NamedMetric
 from pcsr.metrics.emd import check_sizes
-from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.tensors import Mesh
 from pcsr.threads import threads
+from pcsr.validation_messages import shown
 
 LARGEST, SMALLEST = 1e150, 1e-150
 """Range of coordinates whose squares neither overflow nor underflow in double precision."""
@@ -84,11 +87,13 @@ def evaluate(
             if metric.needs_mesh and frame == "each":
                 _scaled(surface[0] if surface else clouds[0], IDENTITY, "none")
                 unscaled = torch.from_numpy(_scaled(clouds[0], IDENTITY, "none"))
-                values[name] = metric.measure(unscaled, true, surface)
+                values[name] = measured(name, metric, unscaled, true, surface)
             elif metric.needs_mesh and surface is not None:
-                values[name] = metric.measure(judged, true, (_scaled(surface[0], spheres[1], frame), surface[1]))
+                values[name] = measured(
+                    name, metric, judged, true, (_scaled(surface[0], spheres[1], frame), surface[1])
+                )
             else:
-                values[name] = metric.measure(judged, true, surface)
+                values[name] = measured(name, metric, judged, true, surface)
     return values
 
 
@@ -101,7 +106,31 @@ def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str,
     if not plugins and set(names) <= METRICS.keys():
         return {name: METRICS[name] for name in names}
     registry = load_plugins([Path(file) for file in plugins])
+    warn_of_failures(registry)
     return {name: registry.get("metric", name)() for name in names}
+
+
+def measured(name: str, metric: Metric, prediction: Tensor, target: Tensor, mesh: Mesh | None) -> float:
+    """Compute a metric, which may be a plugin's, on copies of the clouds.
+
+    Args:
+        name: name of the metric, for messages.
+        metric: metric to compute.
+        prediction: the predicted cloud, (p 3).
+        target: the true cloud, (t 3).
+        mesh: vertices and faces of the true surface, or None.
+
+    Raises:
+        UserError: the metric needs a mesh and there is none, or it does not return a finite number.
+    """
+    if metric.needs_mesh and mesh is None:
+        raise UserError(f"metric '{name}' needs the true mesh: pass it, or leave the metric out")
+    value = metric.measure(prediction.clone(), target.clone(), mesh)
+    if isinstance(metric, NamedMetric):
+        return value
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise UserError(f"metric '{name}' gave {shown(value)}, not a finite number: mend it, or leave it out")
+    return float(value)
 
 
 def why_no_emd(prediction: int, truth: int) -> str:
