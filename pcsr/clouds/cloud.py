@@ -22,6 +22,7 @@ class Cloud:
     """Properties that a format needs to write the same kind of file again, by the format's name.
 
     `dropped` is the number of rows that were dropped on reading. `left out` names the data that could not be kept.
+    `notes` are sentences on what a reader left out or guessed; `read_cloud` warns of each.
     """
 
     def __post_init__(self) -> None:

@@ -1,6 +1,7 @@
 """Readers and writers of cloud files: PLY, PCD, text, CSV, NumPy, LAS, and meshes, of which the vertices are read."""
 
 import textwrap
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.clouds.formats.beginnings import check_start
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.files import check_target, write_whole
 from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
@@ -90,6 +91,9 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", 
     Raises:
         UserError: the file does not exist, has an unknown suffix, is damaged or of another format, holds no points,
             or holds points that are not finite.
+
+    Warns:
+        PcsrWarning: the file was read in part, or its meaning was guessed.
     """
     suffix = suffix or path.suffix
     _by_suffix(suffix, CLOUD_READERS, str(path))
@@ -129,10 +133,15 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
 
     Raises:
         UserError: as `read_cloud`.
+
+    Warns:
+        PcsrWarning: the file was read in part, or its meaning was guessed.
     """
     cloud = _decoded(data, suffix, name, CLOUD_READERS)
     if not len(cloud):
         raise UserError(f"{name} holds no points")
+    for note in cloud.about.get("notes", ()):
+        warnings.warn(f"{name}: {note}", PcsrWarning, stacklevel=3)
     if bad == "drop":
         finite = np.isfinite(cloud.points).all(axis=1)
         dropped = len(cloud) - int(finite.sum())
