@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
+from pcsr.clouds.cloud import MADE, TOUCHED, Cloud
 from pcsr.clouds.convert import convert
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
@@ -30,6 +32,8 @@ MOST_DISTANCE = 0.5
 """Largest distance of a touch from the cloud, in diameters of the cloud."""
 MOST_SIZE = 2.0
 """Largest diameter of a touch, in diameters of the cloud."""
+FIELDS = ("source",)
+"""Columns that the result can have on request."""
 RATES = (1.1, 64.0)
 """Smallest and largest rate."""
 
@@ -68,6 +72,7 @@ class Model:
         *,
         count: int | None = None,
         keep: bool = True,
+        fields: Sequence[str] = (),
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -82,6 +87,8 @@ class Model:
             rate: output points for each input point, 1.1 to 64; 4 by default.
             count: number of output points, instead of a rate.
             keep: whether the input points are part of the output, before the new points.
+            fields: further columns of the result, if `points` is a `Cloud`. `source` is 0 for scanned points, 1 for
+                made ones, and 2 for touched points of unseen regions.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
             advance: called with the number of processed points and the number of all points.
@@ -91,8 +98,8 @@ class Model:
             are interpolated from their neighbours.
 
         Raises:
-            UserError: points are too few, not finite or all equal, touches are far from the cloud, or the number of
-                output points is out of range.
+            UserError: points are too few, not finite or all equal, touches are far from the cloud, the number of
+                output points is out of range, or a field is unknown or has no place in a cloud of this kind.
 
         Warns:
             PcsrWarning: touched points lie where the cloud has no points.
@@ -105,6 +112,7 @@ class Model:
             >>> bool((dense[:100] == cloud).all())
             True
         """
+        _check_fields(fields, points)
         given = convert(points)
         cloud = given.cloud.points
         check_cloud(cloud)
@@ -115,7 +123,8 @@ class Model:
         with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
             new = densify(cloud, wanted, source, touches=touched, keep=keep, pool=workers, advance=advance)
-        return given.restore(given.cloud.with_new(scaled(new, power), keep=keep))
+        dense = given.cloud.with_new(scaled(new, power), keep=keep)
+        return given.restore(dense.with_source(_sources(new, touched)) if "source" in fields else dense)
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:
@@ -163,6 +172,23 @@ def load(
     except (RuntimeError, AssertionError) as error:
         raise UserError(f"device '{device}' cannot be used: {str(error).splitlines()[0]}") from error
     return Model(name, network, recipe, card, path, files)
+
+
+def _check_fields(fields: Sequence[str], points: Any) -> None:
+    for name in fields:
+        if name not in FIELDS:
+            raise UserError(f"field {name!r} is unknown: fields are {', '.join(FIELDS)}")
+    if fields and not isinstance(points, Cloud):
+        kind = type(points).__name__
+        raise UserError(f"field '{fields[0]}' is a column, which a {kind} cannot hold: give a pcsr.clouds.cloud.Cloud")
+
+
+def _sources(new: Float[np.ndarray, "new 3"], touched: list[Float[np.ndarray, "_ 3"]]) -> Int[np.ndarray, " new"]:
+    """Return which new points are touched points: `densify` adds those of unseen regions unchanged."""
+    if not touched:
+        return np.full(len(new), MADE)
+    distance = cKDTree(np.concatenate(touched)).query(new)[0]
+    return np.where(distance == 0, TOUCHED, MADE)
 
 
 def _count(n: int, rate: float | int | None, count: int | None) -> int:

@@ -25,6 +25,12 @@ PIPE = Path("-")
 @click.option(
     "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
 )
+@click.option(
+    "--fields",
+    type=click.Choice(["source"]),
+    multiple=True,
+    help="Add a column: source is 0 for scanned points, 1 for made ones, 2 for touched ones of unseen regions.",
+)
 @click.option("--replace", is_flag=True, help="Write new points only, without the input points.")
 @click.option(
     "--bad",
@@ -60,6 +66,7 @@ def upsample(
     touch: Path | None,
     model: str | None,
     mesh: Path | None,
+    fields: tuple[str, ...],
     replace: bool,
     bad: Literal["refuse", "drop"],
     suffix: str,
@@ -126,6 +133,7 @@ def upsample(
             rate,
             count=count,
             keep=not replace,
+            fields=fields,
             jobs=jobs or _jobs(len(given), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),

@@ -7,7 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from pcsr.clouds.carry import carry
+from pcsr.clouds.columns import unused
 from pcsr.errors import UserError
+
+SCANNED, MADE, TOUCHED = 0, 1, 2
+"""Values of the column `source`: points of the input, points made by upsampling, touched points of unseen regions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +64,13 @@ class Cloud:
             points = np.concatenate([self.points, points])
             columns = {name: np.concatenate([self.columns[name], column]) for name, column in columns.items()}
         return Cloud(points, columns, self.about)
+
+    def with_source(self, new: Int[np.ndarray, " m"]) -> "Cloud":
+        """Return the cloud with a further column `source`, or `source_2` if there is such a column.
+
+        Args:
+            new: source of each of the last m points, `MADE` or `TOUCHED`; the others are `SCANNED`.
+        """
+        source = np.full(len(self), SCANNED, np.uint8)
+        source[len(self) - len(new) :] = new
+        return Cloud(self.points, {**self.columns, unused("source", self.columns): source}, self.about)
