@@ -148,7 +148,7 @@ def _has_word(name: str, words: re.Pattern[str]) -> bool:
 
 def _whole(values: np.ndarray) -> bool:
     """Return whether all finite values are whole numbers."""
-    return bool(((values == np.rint(values)) | ~np.isfinite(values)).all())
+    return values.dtype.kind != "f" or bool(((values == np.rint(values)) | ~np.isfinite(values)).all())
 
 
 def _few(column: np.ndarray) -> bool:

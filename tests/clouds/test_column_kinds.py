@@ -48,6 +48,7 @@ def test_other_floats_are_averaged(name):
 
 def test_measured_whole_numbers_are_averaged_and_stay_whole():
     whole = RNG.integers(0, 65536, N)
+    assert column_kinds({"intensity": (whole + 2**60).astype(np.uint64)}).rounded == {"intensity"}
     for name in ("intensity", "Reflectance", "scalar_Intensity"):
         for kind in (np.uint16, np.int32, np.float32, np.float64):
             kinds = column_kinds({name: whole.astype(kind)})
