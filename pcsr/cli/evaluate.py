@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, complete_metric
 
 
@@ -12,15 +13,19 @@ from pcsr.cli.options import FILE, PLUGIN, complete_metric
 @click.argument("prediction", type=FILE)
 @click.argument("truth", type=FILE)
 @click.option(
-    "--mesh", type=FILE, default=None, metavar="FILE", help="Mesh of the true surface, for metrics that need it."
+    "--mesh",
+    type=FILE,
+    default=None,
+    metavar="FILE",
+    help="Mesh of the true surface, in the frame and unit of TRUTH, for metrics that need it, such as p2f.",
 )
 @click.option(
     "--frame",
     type=click.Choice(["truth", "each", "none"]),
     default="truth",
     show_default=True,
-    help="Normalization. truth: both clouds by the bounding sphere of TRUTH; each: each cloud by its own, as in most "
-    "papers; none: no normalization.",
+    help="Normalisation. truth: both clouds by the bounding sphere of TRUTH; each: each cloud by its own, as in most "
+    "papers; none: no normalisation.",
 )
 @click.option(
     "--metric",
@@ -46,8 +51,7 @@ def evaluate(
     PREDICTION and TRUTH are files of clouds.
     """
     from rich import box
-    from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.meshes import read_mesh
@@ -62,16 +66,17 @@ def evaluate(
     if plain:
         click.echo(json.dumps(values))
         return
-    table = Table("metric", "value", "description", box=box.SIMPLE_HEAD, caption=_frame(frame))
+    heads = (Column(head, overflow="fold") for head in ("metric", "value", "description"))
+    table = Table(*heads, box=box.SIMPLE_HEAD, caption=_frame(frame))
     for name, metric in named(list(values), plugins).items():
         value = values[name]
         table.add_row(name, f"{value * metric.scale:.4g} ×10⁻³", metric.description)
-    Console().print(table)
+    streams.console().print(table)
 
 
 def _frame(frame: str) -> str:
     return {
-        "truth": "Both clouds are normalized by the bounding sphere of the truth. Lower is better.",
-        "each": "Each cloud is normalized by its own bounding sphere; p2f is in the mesh's unit. Lower is better.",
+        "truth": "Both clouds are normalised by the bounding sphere of the truth. Lower is better.",
+        "each": "Each cloud is normalised by its own bounding sphere; p2f is in the mesh's unit. Lower is better.",
         "none": "Values are in the unit of the clouds. Lower is better.",
     }[frame]

@@ -23,7 +23,11 @@ PIPE = Path("-")
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
-    "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
+    "--mesh",
+    type=FILE,
+    default=None,
+    metavar="FILE",
+    help="Write a surface through the dense cloud too, as PLY, OBJ, STL, OFF or GLB (extra [open3d]).",
 )
 @click.option(
     "--fields",
@@ -84,8 +88,6 @@ def upsample(
     import time
     import warnings
 
-    from rich.console import Console
-
     from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
     from pcsr.progress import progress_bars
 
@@ -95,7 +97,7 @@ def upsample(
 
         check_suffix(mesh)  # before the work, not after it
         open3d()
-    console = Console(stderr=True, quiet=quiet)
+    console = streams.console(error=True, quiet=quiet)
     kind = f".{suffix.lstrip('.')}"
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
     if out == PIPE:

@@ -24,7 +24,7 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
     assert told.exit_code == 0, told.output
     assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "normalized by the bounding sphere of the truth" in " ".join(told.output.split())
+    assert "normalised by the bounding sphere of the truth" in " ".join(told.output.split())
     plain = run(
         "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
     )
@@ -54,8 +54,8 @@ def test_it_measures_as_python_does_in_every_frame(tmp_path, frame):
     assert json.loads(told.output) == evaluate(made, truth, frame=frame)
     table = " ".join(run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame).output.split())
     captions = {
-        "truth": "normalized by the bounding sphere of the truth",
-        "each": "Each cloud is normalized",
+        "truth": "normalised by the bounding sphere of the truth",
+        "each": "Each cloud is normalised",
         "none": "in the unit of the clouds",
     }
     assert captions[frame] in table
