@@ -10,6 +10,9 @@ from pcsr.clouds.faults.outliers import far_outliers
 from pcsr.clouds.faults.positions import Positions
 from pcsr.clouds.faults.sentinels import frequent_sentinels, sentinel_values
 
+SINGULAR = {"are": "is", "have": "has"}
+"""Verbs of sentences about one point."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fault:
@@ -74,10 +77,11 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
     first[positions.first] = True
     copies = np.flatnonzero(healthy[positions.index] & ~first)
     if len(copies):
+        what = "are exact copies of others" if len(copies) > 1 else "are an exact copy of another"
         original = rows[positions.first[positions.index[copies[0]]]]
         yield Fault(
             rows[copies],
-            f"{_counted(len(copies), len(points), 'are exact copies of others')}, such as point {rows[copies[0]]} of "
+            f"{_counted(len(copies), len(points), what)}, such as point {rows[copies[0]]} of "
             f"point {original}, counted from 0",
             harmful=False,
         )
@@ -90,12 +94,9 @@ def _fault(points: Float64[np.ndarray, "n 3"], rows: Int[np.ndarray, " m"], what
 
 
 def _counted(found: int, total: int, what: str) -> str:
-    """Begin a sentence with a number of points; `what` begins with a verb in the plural."""
-    if found == 1:
-        verb, _, rest = what.partition(" ")
-        rest = rest.replace("exact copies of others", "an exact copy of another")
-        what = f"{dict(have='has', are='is')[verb]} {rest}"
-    return f"{found} of {total} points {what}"
+    """Begin a sentence about a number of points; `what` begins with "are" or "have"."""
+    verb, _, rest = what.partition(" ")
+    return f"{found} of {total} points {SINGULAR[verb] if found == 1 else verb} {rest}"
 
 
 def _shown(point: Float64[np.ndarray, "3"]) -> str:

@@ -26,7 +26,7 @@ class Positions:
         ordered = points[order]
         start = np.flatnonzero(np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)])
         count = np.diff(np.r_[start, len(points)])
-        index = np.empty(len(points), np.int64)
+        index = np.zeros(len(points), np.int64)
         index[order] = np.repeat(np.arange(len(start)), count)
         return cls(ordered[start], count, order[start], index)
 

@@ -42,9 +42,9 @@ def screen(cloud: Cloud, bad: Bad = "refuse", name: str = "the cloud") -> Screen
 
     Args:
         cloud: the cloud, with coordinates of any value.
-        bad: treatment of points that are not finite, of sentinels and of far outliers. "refuse": raise an error. "drop":
-            remove them, and the copies of duplicates. "keep": keep them in the cloud, but don't use them. Of duplicates
-            the first is used; the others are kept unless `bad` is "drop".
+        bad: treatment of points that are not finite, of sentinels and of far outliers. "refuse" raises an error, "drop"
+            removes them, "keep" leaves them in the cloud unused. Of exact duplicates the first is used; "drop" removes
+            the others.
         name: name of the cloud in messages.
 
     Raises:

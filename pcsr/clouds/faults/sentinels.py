@@ -32,9 +32,7 @@ SAMPLE = 1000
 """Positions whose neighbours give the median distance."""
 
 
-def frequent_sentinels(
-    positions: Float64[np.ndarray, "p 3"], count: Int[np.ndarray, " p"]
-) -> Bool[np.ndarray, " p"]:
+def frequent_sentinels(positions: Float64[np.ndarray, "p 3"], count: Int[np.ndarray, " p"]) -> Bool[np.ndarray, " p"]:
     """Return which positions are sentinels because far more points are there than anywhere else.
 
     They lie apart from the other positions, or are the origin.
@@ -47,7 +45,7 @@ def frequent_sentinels(
     if not some.any():
         return some
     known = (positions[:, None] == np.array(SPOTS)).all(axis=2)
-    certain = many & known[:, 0]
+    certain: Bool[np.ndarray, " p"] = many & known[:, 0]
     possible = np.flatnonzero((many | (some & known.any(axis=1))) & ~certain)
     points = scaled(positions, -exponent([positions]))
     others = points[~some]
@@ -64,7 +62,9 @@ def _exceptional(count: Int[np.ndarray, " p"], factor: int) -> Bool[np.ndarray, 
     factor = factor * int(np.median(count))
     top = np.sort(count)[::-1][: MOST_SPOTS + 1]
     jumps = np.flatnonzero(top[:-1] >= factor * top[1:])
-    return count >= top[jumps[-1]] if len(jumps) else np.zeros(len(count), bool)
+    fewest = top[jumps[-1]] if len(jumps) else np.inf
+    exceptional: Bool[np.ndarray, " p"] = count >= fewest
+    return exceptional
 
 
 def sentinel_values(positions: Float64[np.ndarray, "p 3"]) -> Iterator[tuple[int, float, Bool[np.ndarray, " p"]]]:
