@@ -58,13 +58,13 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
         marked = there & healthy
         healthy &= ~there
         if marked.any():
-            fault = f"have {'xyz'[axis]} = {value:.7g}, a sentinel of missing measurements"
+            fault = f"have {'xyz'[axis]} = {value:.7g}, which marks a missing measurement"
             yield _fault(points, rows[positions.rows(marked)], fault)
     left = np.flatnonzero(healthy)
     frequent = left[frequent_sentinels(positions.points[left], positions.count[left])]
     for one in frequent:
         there = np.arange(len(healthy)) == one
-        fault = f"have the coordinates {_shown(positions.points[one])}, a sentinel of invalid pixels"
+        fault = f"have the coordinates {_shown(positions.points[one])}, which mark an invalid pixel"
         yield _fault(points, rows[positions.rows(there)], fault, at=False)
     healthy[frequent] = False
     left = np.flatnonzero(healthy)
