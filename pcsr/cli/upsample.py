@@ -165,15 +165,17 @@ def upsample(
 
 @contextmanager
 def _yellow_warnings(console: "Console") -> Iterator[None]:
-    """Print pcsr's warnings as yellow lines, after the block."""
+    """Print pcsr's warnings as yellow lines after the block, and before an error that ends it."""
     import warnings
 
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always", PcsrWarning)
-        yield
-    for one in warned:
-        if issubclass(one.category, PcsrWarning):
-            console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+        try:
+            yield
+        finally:
+            for one in warned:
+                if issubclass(one.category, PcsrWarning):
+                    console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
 
 
 def _device(name: str) -> str:

@@ -88,6 +88,15 @@ def test_copies_are_counted_and_multiply_nothing(tmp_path):
     assert len(upsample(tmp_path, copied, "--bad", "drop")[1]) == 4 * len(points)
 
 
+def test_copies_in_the_last_bit_multiply_nothing(tmp_path):
+    points = depth_image()
+    moved = np.nextafter(points.astype(np.float32), np.float32(9)).astype(np.float64)
+    said, dense = upsample(tmp_path, np.concatenate([points, moved]), "--bad", "drop")
+    assert f"{len(points)} of {2 * len(points)} points are copies of others but for rounding" in said
+    assert "the copies were dropped" in said
+    np.testing.assert_array_equal(dense, upsample(tmp_path, points)[1])
+
+
 @pytest.mark.parametrize("stray", [[1e10, 1e10, 1e10], [0, 1e6, 0], [0, 0, -100]])
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_stray_is_said_and_the_rest_is_as_without_it(tmp_path, stray, count):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int
 
+from pcsr.clouds.faults.near_copies import near_copies
 from pcsr.clouds.faults.outliers import far_outliers
 from pcsr.clouds.faults.positions import Positions
 from pcsr.clouds.faults.sentinels import frequent_sentinels, sentinel_values
@@ -27,7 +28,7 @@ class Fault:
 
 
 def find_faults(points: Float64[np.ndarray, "n 3"]) -> list[Fault]:
-    """Find points that are not finite, sentinels of invalid pixels, far outliers and exact duplicates.
+    """Find points that are not finite, sentinels of invalid pixels, far outliers and duplicates.
 
     A point has one fault at most. The order of the points and the unit have no influence, and the origin has none but
     for sentinels, whose values belong to the frame of the sensor.
@@ -85,12 +86,20 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
             f"point {original}, counted from 0",
             harmful=False,
         )
+    left = np.flatnonzero(healthy)
+    left = left[np.argsort(positions.first[left])]
+    near = left[near_copies(positions.points[left])]
+    if len(near):
+        what = "are copies of others but for rounding" if len(near) > 1 else "are a copy of another but for rounding"
+        yield _fault(points, np.sort(rows[positions.first[near]]), what, harmful=False)
 
 
-def _fault(points: Float64[np.ndarray, "n 3"], rows: Int[np.ndarray, " m"], what: str, *, at: bool = True) -> Fault:
+def _fault(
+    points: Float64[np.ndarray, "n 3"], rows: Int[np.ndarray, " m"], what: str, *, at: bool = True, harmful: bool = True
+) -> Fault:
     where = f", at {_shown(points[rows[0]])}" if at else ""
     sentence = f"{_counted(len(rows), len(points), what)}, such as point {rows[0]}, counted from 0{where}"
-    return Fault(rows, sentence, harmful=True)
+    return Fault(rows, sentence, harmful)
 
 
 def _counted(found: int, total: int, what: str) -> str:

@@ -31,8 +31,8 @@ def tower():
 
 def soup():
     """The corners of the triangles of a cone: its tip and the middle of its base are each in a third of them."""
-    angle = np.linspace(0, 2 * np.pi, 65)
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(65)])
+    angle = np.arange(64) * np.pi / 32
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(64)])[np.arange(65) % 64]
     sides = [[ring[i], ring[i + 1], [0, 0, 2]] for i in range(64)]
     return np.array(sides + [[ring[i], ring[i + 1], [0, 0, 0]] for i in range(64)], float).reshape(-1, 3)
 
@@ -131,6 +131,41 @@ def test_a_fault_is_found_with_its_rows_and_an_example(name, first):
     assert f"such as point {rows[0]}, counted from 0" in fault.sentence
     assert not any(fault.harmful for fault in copies)
     assert bool(copies) == (len(np.unique(cloud, axis=0)) < len(cloud))
+
+
+def rounded_copies(points, each=8, seed=0):
+    """Each point several times in single precision, every coordinate moved by a step at most."""
+    single = np.repeat(points, each, axis=0).astype(np.float32)
+    up, down = (np.nextafter(single, np.float32(side)) for side in (np.inf, -np.inf))
+    step = np.random.default_rng(seed).integers(-1, 2, single.shape)
+    return np.select([step > 0, step < 0], [up, down], single).astype(np.float64)
+
+
+@pytest.mark.parametrize("at", [(0, 0, 0), (5, -3, 2), (100, 20, 0)])
+@pytest.mark.parametrize("count", [20, 1000])
+def test_copies_in_the_last_bit_are_counted_and_no_harm(at, count):
+    cloud = rounded_copies(bowl(count, at=at))
+    order = np.random.default_rng(1).permutation(len(cloud))
+    exact, rounding = find_faults(cloud[order])
+    assert not rounding.harmful
+    assert f"{len(rounding.rows)} of {8 * count} points are copies of others but for rounding" in rounding.sentence
+    original = order // 8
+    left = np.setdiff1d(np.arange(len(cloud)), np.r_[exact.rows, rounding.rows])
+    np.testing.assert_array_equal(left, np.sort(np.unique(original, return_index=True)[1]), "the first of each is left")
+
+
+FINE = np.random.default_rng(8).uniform(0, 1, (3000, 3))
+CLOSE = {
+    "map coordinates, millimetres apart": FINE * [10, 10, 0.01] + (500_000, 5_400_000, 300),
+    "map coordinates in single precision": np.unique((FINE * 1000 + 5e6).astype(np.float32), axis=0).astype(float),
+    "a fine object in a wide scene": np.concatenate([FINE * 0.05, FINE[:1000] * 2000 - 1000]),
+    "two objects, beside whose distance they are specks": np.concatenate([bowl(), bowl(at=(1e9, 0, 0))]),
+}
+
+
+@pytest.mark.parametrize("name", CLOSE)
+def test_points_as_close_as_rounding_are_no_copies_if_others_are_close_too(name):
+    assert find_faults(CLOSE[name]) == []
 
 
 def test_several_faults_are_told_apart():
