@@ -106,6 +106,7 @@ def touch(
     """
     import numpy as np
 
+    from pcsr.clouds.faults import warn_of_faults
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.touch import covered_area_share
     from pcsr.contracts import ShapeItem, TouchSource
@@ -129,6 +130,7 @@ def touch(
     item: ShapeItem = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
         seen = read_points(cloud)
+        warn_of_faults(seen, f"--cloud {cloud}")
         _check_same_frame(seen, item.mesh, cloud, mesh)
     else:
         seen = surface_points(item.mesh, recipe.data.points, np.random.default_rng(seed))

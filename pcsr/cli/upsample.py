@@ -1,14 +1,21 @@
 """`pcsr upsample`: the command that upsamples a cloud in a file or pipe."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, jobs_option
 from pcsr.errors import PcsrWarning, UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pcsr.clouds.faults import Bad
 
 PIPE = Path("-")
 
@@ -38,10 +45,11 @@ PIPE = Path("-")
 @click.option("--replace", is_flag=True, help="Write new points only, without the input points.")
 @click.option(
     "--bad",
-    type=click.Choice(["refuse", "drop"]),
+    type=click.Choice(["refuse", "drop", "keep"]),
     default="refuse",
     show_default=True,
-    help="Refuse a cloud with points that are not finite, or drop these points.",
+    help="Treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far outliers. "
+    "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
 )
 @click.option(
     "--format",
@@ -72,7 +80,7 @@ def upsample(
     mesh: Path | None,
     fields: tuple[str, ...],
     replace: bool,
-    bad: Literal["refuse", "drop"],
+    bad: "Bad",
     suffix: str,
     device: str,
     jobs: int | None,
@@ -86,9 +94,16 @@ def upsample(
     The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS or LAZ; OBJ, STL, GLB and OFF can be read too.
     """
     import time
-    import warnings
 
-    from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
+    from pcsr.clouds.faults import screen
+    from pcsr.clouds.formats import (
+        check_finite_only,
+        cloud_bytes,
+        read_cloud,
+        read_cloud_pipe,
+        writable,
+        write_cloud,
+    )
     from pcsr.progress import progress_bars
 
     start = time.perf_counter()
@@ -102,25 +117,26 @@ def upsample(
     writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
     if out == PIPE:
         streams.open_output()
-    given = (
-        read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad=bad)
-        if cloud == PIPE
-        else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad)
-    )
-    if given.about.get("dropped"):
-        console.print(f"{given.about['dropped']} points are not finite and were dropped", style="yellow")
+    name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
+    with _yellow_warnings(console):
+        read = (
+            read_cloud_pipe(streams.open_input(), kind, name, bad="keep")
+            if cloud == PIPE
+            else read_cloud(cloud, kind if cloud.suffix == "" else None, bad="keep")
+        )
+        given = screen(read, bad, name)
+    check_finite_only(given.cloud, out.suffix if out != PIPE else kind, str(out))
     touches, recorded = [], 0
     if touch is not None:
-        from pcsr.recorded import read
+        from pcsr.recorded import read as read_touches
 
-        recording = read(touch)
+        recording = read_touches(touch)
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also with --quiet
             click.echo(f"touch {name} is skipped: {reason}", err=True)
     from pcsr.model import load  # imports torch, so mistakes in files are reported first
 
-    with warnings.catch_warnings(record=True) as warned, progress_bars(console, hidden=quiet) as progress:
-        warnings.simplefilter("always", PcsrWarning)
+    with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
         device_name = _device(device)
         try:
             loaded = load(model, plugins=plugins, device=device_name)
@@ -128,7 +144,7 @@ def upsample(
             from pcsr.validation_messages import shown
 
             raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
-        task = progress.add_task("upsampling", total=len(given.points))
+        task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
             touches,
@@ -136,26 +152,40 @@ def upsample(
             count=count,
             keep=not replace,
             fields=fields,
-            jobs=jobs or _jobs(len(given), device),
+            jobs=jobs or _jobs(len(given.points), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
-    for one in warned:
-        if issubclass(one.category, PcsrWarning):
-            console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+    written = len(dense)
     if out == PIPE:
-        streams.put(cloud_bytes(dense, kind))
+        streams.put(cloud_bytes(dense, kind, bad=bad))
     else:
-        write_cloud(out, dense)
+        write_cloud(out, dense, bad=bad)
     if mesh is not None:
+        dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     seconds = time.perf_counter() - start
     touched = f" and {len(touches)} of {recorded} touches" if touches else ""
     console.print(
-        f"{len(given.points)} points{touched} to {len(dense.points)} by {loaded.name} in {seconds:.1f} s: {out}",
+        f"{len(given.cloud)} points{touched} to {written} by {loaded.name} in {seconds:.1f} s: {out}",
         markup=False,
         soft_wrap=True,
     )
+
+
+@contextmanager
+def _yellow_warnings(console: "Console") -> Iterator[None]:
+    """Print pcsr's warnings as yellow lines after the block, and before an error that ends it."""
+    import warnings
+
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", PcsrWarning)
+        try:
+            yield
+        finally:
+            for one in warned:
+                if issubclass(one.category, PcsrWarning):
+                    console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
 
 
 def _device(name: str) -> str:

@@ -47,19 +47,23 @@ class Cloud:
         """Return the cloud of the rows with these indices, in their order, or of those where a mask is True."""
         return Cloud(self.points[rows], {name: column[rows] for name, column in self.columns.items()}, self.about)
 
-    def with_new(self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True) -> "Cloud":
+    def with_new(
+        self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True, used: Bool[np.ndarray, " n"] | None = None
+    ) -> "Cloud":
         """Return a cloud with new points, whose columns are interpolated from the old points.
 
         Args:
             points: new points.
             keep: put the old points before the new ones; otherwise they are dropped.
+            used: which old points columns are interpolated from; all by default.
         """
         if any(about.get("coordinates") in ("float", "f4") for about in self.about.values() if isinstance(about, dict)):
             with np.errstate(over="ignore"):
                 single = points.astype(np.float32).astype(np.float64)
             # Single precision, as in the file, unless a text file declares doubles as single.
             points = single if np.isfinite(single).all() else points
-        columns = carry(self.columns, self.points, points)
+        old = self if used is None or used.all() else self.chosen(used)
+        columns = carry(old.columns, old.points, points)
         if keep:
             points = np.concatenate([self.points, points])
             columns = {name: np.concatenate([self.columns[name], column]) for name, column in columns.items()}

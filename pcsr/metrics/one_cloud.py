@@ -1,6 +1,7 @@
 """Evaluation of one cloud: all metrics by name, in a frame of choice."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr.clouds.convert import convert
+from pcsr.clouds.faults import warn_of_faults
 from pcsr.clouds.meshes import check_faces
 from pcsr.contracts import Metric
-from pcsr.errors import UserError, did_you_mean
+from pcsr.errors import PcsrWarning, UserError, did_you_mean
 from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, NamedMetric
@@ -25,6 +27,8 @@ from pcsr.validation_messages import shown
 
 LARGEST, SMALLEST = 1e150, 1e-150
 """Range of coordinates whose squares neither overflow nor underflow in double precision."""
+MOST_RATIO = 3.0
+"""Largest ratio of the sizes of two clouds that are in the same unit. A metre has 3.28 feet."""
 IDENTITY = UnitSphere(np.zeros(3), 1.0)
 """Frame that leaves coordinates unchanged."""
 
@@ -58,6 +62,10 @@ def evaluate(
         UserError: a name or the frame is unknown, a metric is not possible, a point is not finite, or the coordinates
             are so large or small that their squares overflow or vanish in double precision.
 
+    Warns:
+        PcsrWarning: a cloud has sentinels of invalid pixels or far outliers, which are used like all other points, or
+            one cloud is so much larger than the other that it must be in another unit.
+
     Examples:
         >>> truth = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
         >>> evaluate(truth + [0.0, 0.0, 0.5], truth, metrics=["cd", "hd"])
@@ -80,6 +88,10 @@ def evaluate(
     chosen = named([metrics] if isinstance(metrics, str) else metrics, plugins)
     spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [IDENTITY] * 2
     scaled = [_scaled(cloud, sphere, frame) for cloud, sphere in zip(clouds, spheres, strict=True)]
+    for cloud, which in zip(clouds, ("the prediction", "the truth"), strict=True):
+        warn_of_faults(cloud, which)
+    if frame != "each":
+        _warn_of_units(*clouds)
     judged, true = (torch.from_numpy(cloud) for cloud in scaled)
     values = {}
     with threads(1):
@@ -95,6 +107,26 @@ def evaluate(
             else:
                 values[name] = measured(name, metric, judged, true, surface)
     return values
+
+
+def _warn_of_units(prediction: Float[np.ndarray, "p 3"], truth: Float[np.ndarray, "t 3"]) -> None:
+    """Warn of two clouds that differ in size by more than `MOST_RATIO`."""
+    sizes = {"the prediction": _size(prediction), "the truth": _size(truth)}
+    (smaller, small), (larger, large) = sorted(sizes.items(), key=lambda one: one[1])
+    if 0 < small * MOST_RATIO < large:
+        warnings.warn(
+            f"{larger} is {large / small:.4g} times as large as {smaller}: if their units differ, convert one, or "
+            f"normalize each by itself (--frame each)",
+            PcsrWarning,
+            stacklevel=3,
+        )
+
+
+def _size(cloud: Float[np.ndarray, "n 3"]) -> float:
+    """Return the median distance from the median point, which few outliers don't change."""
+    scale = float(np.abs(cloud).max()) or 1.0  # so that no difference overflows
+    inside = cloud / scale
+    return float(np.median(np.abs(inside - np.median(inside, axis=0)).max(axis=1))) * scale
 
 
 def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str, Metric]:

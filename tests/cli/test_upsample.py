@@ -138,7 +138,7 @@ def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
     assert "2 of " in refused.output
     dropped = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--bad", "drop", "--model", "midpoint")
     assert dropped.exit_code == 0, dropped.output
-    assert "2 points are not finite and were dropped" in dropped.output
+    assert "2 of 80 points have a coordinate that is not finite, such as point 3, counted from 0" in dropped.output
     assert len(read_points(tmp_path / "out.npy")) == 4 * 78
 
 
@@ -150,7 +150,7 @@ def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
         (b"1 2 3\n4 five 6\n", "in.xyz", "line 2"),
         (b"1 2 3\n" * 3, "in.ply", "in.ply"),
         (b"1 2 3\n2 3 4\n3 4 6\n", "in.xyz", "the cloud has 3 points: at least 16 are needed"),
-        (b"1 2 3\n" * 20, "in.xyz", "all 20 points of the cloud lie on one spot"),
+        (b"1 2 3\n" * 20, "in.xyz", "lie on one spot"),
         (b"1 2 3\n", "in.doc", "'.doc'"),
     ],
 )

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.faults import Bad
 from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import PcsrWarning, UserError
@@ -60,6 +61,8 @@ MEMORY = {
     ".laz": 14.0,
 }
 """Peak memory of reading a file, relative to the size of the file, measured on a million points."""
+FINITE_ONLY = (".las", ".laz", ".obj")
+"""Formats whose coordinates are finite: those of LAS are integers, and few readers of OBJ take others."""
 LONGEST = 500
 """Longest reason in a message, in characters."""
 LEAST_MEMORY = 3.0
@@ -76,14 +79,15 @@ READERS: dict[str, Callable[[bytes], np.ndarray]] = {
 WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS}
 
 
-def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
+def read_cloud(path: Path, suffix: str | None = None, *, bad: Bad = "refuse") -> Cloud:
     """Read a cloud with all of its columns from a file; of a mesh, the vertices. The suffix sets the format.
 
     Args:
         path: path of the file.
         suffix: suffix that sets the format, such as ".ply"; that of the path by default.
-        bad: refuse a file with coordinates that are not finite, or drop these rows and put their number into
-            `about["dropped"]`.
+        bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
+            number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
+            faults.
 
     Returns:
         The cloud, in the frame and unit of the file.
@@ -100,9 +104,7 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", 
     return read_cloud_bytes(_content(path, suffix), suffix, str(path), bad=bad)
 
 
-def read_cloud_pipe(
-    file: Readable, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse", most: int = LARGEST_PIPE
-) -> Cloud:
+def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Bad = "refuse", most: int = LARGEST_PIPE) -> Cloud:
     """Read a cloud from a pipe, up to its end.
 
     Args:
@@ -122,7 +124,7 @@ def read_cloud_pipe(
     return read_cloud_bytes(data, suffix, name, bad=bad)
 
 
-def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
+def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Bad = "refuse") -> Cloud:
     """Read a cloud from the bytes of a file.
 
     Args:
@@ -149,7 +151,8 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
             raise UserError(f"{name}: none of its {dropped} points has coordinates that are all finite")
         cloud = cloud.chosen(finite) if dropped else cloud
         return replace(cloud, about={**cloud.about, "dropped": dropped})
-    _checked(cloud.points, name, ", or have them dropped: --bad drop")
+    if bad == "refuse":
+        _checked(cloud.points, name, ", or have them dropped: --bad drop")
     return cloud
 
 
@@ -168,28 +171,47 @@ def writable(path: Path) -> None:
         pcd.check_installed()
 
 
-def write_cloud(path: Path, cloud: Cloud) -> None:
+def check_finite_only(cloud: Cloud, suffix: str, name: str) -> None:
+    """Check that points which are not finite are in no cloud whose format cannot hold them.
+
+    Raises:
+        UserError: they are.
+    """
+    suffix = suffix.lower()
+    if suffix in FINITE_ONLY and not (finite := np.isfinite(cloud.points).all(axis=1)).all():
+        raise UserError(
+            f"{name}: {suffix} holds no coordinates that are not finite, and {int((~finite).sum())} points have some: "
+            f"drop these points with --bad drop, or write a .ply"
+        )
+
+
+def write_cloud(path: Path, cloud: Cloud, *, bad: Bad = "refuse") -> None:
     """Write a cloud to a file, completely or not at all. The suffix of `path` sets the format.
 
     Types of columns that the format lacks are converted to the closest type; a column that would lose precision is
     refused. Text and `.npy` have one or two types of numbers, and `.npy` has no names of columns.
+
+    Args:
+        path: path of the file.
+        cloud: the cloud.
+        bad: "keep" writes coordinates that are not finite where the format holds them; otherwise they are an error.
 
     Raises:
         UserError: the suffix cannot be written, there are no points, a column does not fit the format, or a coordinate
             is not finite.
         RunError: the file cannot be written.
     """
-    data = _encoded(cloud, path.suffix, str(path))
+    data = _encoded(cloud, path.suffix, str(path), bad)
     write_whole(path, lambda part: _write_bytes(part, data))
 
 
-def cloud_bytes(cloud: Cloud, suffix: str) -> bytes:
-    """Return the bytes of a cloud file; `suffix` sets the format, such as ".ply".
+def cloud_bytes(cloud: Cloud, suffix: str, *, bad: Bad = "refuse") -> bytes:
+    """Return the bytes of a cloud file; `suffix` sets the format, such as ".ply", and `bad` is as in `write_cloud`.
 
     Raises:
         UserError: as `write_cloud`.
     """
-    return _encoded(cloud, suffix, f"the {suffix} cloud")
+    return _encoded(cloud, suffix, f"the {suffix} cloud", bad)
 
 
 def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
@@ -255,9 +277,12 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
         raise UserError(f"{name} cannot be read as a {suffix} file: {reason}") from error
 
 
-def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:
+def _encoded(cloud: Cloud, suffix: str, name: str, bad: Bad) -> bytes:
     encode = _by_suffix(suffix, CLOUD_WRITERS, name)
-    _checked(cloud.points, name)
+    if bad == "keep" and len(cloud):
+        check_finite_only(cloud, suffix, name)
+    else:
+        _checked(cloud.points, name)
     try:
         return encode(cloud)
     except UserError as error:
