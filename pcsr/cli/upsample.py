@@ -34,6 +34,12 @@ PIPE = Path("-")
     help="Refuse a cloud with points that are not finite, or drop these points.",
 )
 @click.option(
+    "--columns",
+    default=None,
+    metavar="NAMES",
+    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
+)
+@click.option(
     "--format",
     "suffix",
     default="ply",
@@ -62,6 +68,7 @@ def upsample(
     mesh: Path | None,
     replace: bool,
     bad: Literal["refuse", "drop"],
+    columns: str | None,
     suffix: str,
     device: str,
     jobs: int | None,
@@ -94,9 +101,9 @@ def upsample(
     if out == PIPE:
         streams.open_output()
     given = (
-        read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad=bad)
+        read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad=bad, columns=columns)
         if cloud == PIPE
-        else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad)
+        else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad, columns=columns)
     )
     if given.about.get("dropped"):
         console.print(f"{given.about['dropped']} points are not finite and were dropped", style="yellow")

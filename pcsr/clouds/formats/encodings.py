@@ -19,7 +19,7 @@ CONTROL = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f\x7f]")
 LIKE_ASCII = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\N{NARROW NO-BREAK SPACE}": " "})
 """Characters of typesetting that stand for those of plain numbers."""
 HEAD = 1 << 12
-"""Bytes by which UTF-16 without a byte order mark is recognised."""
+"""Bytes by which binary files, and UTF-16 without a byte order mark, are recognised."""
 
 
 def as_utf8(data: bytes) -> tuple[bytes, list[str]]:
@@ -37,10 +37,12 @@ def as_utf8(data: bytes) -> tuple[bytes, list[str]]:
         data = text.encode("utf-8", "surrogatepass")
     if data.endswith(b"\x1a"):  # the end of a file in DOS
         data = data.rstrip(b"\x1a")
-    if control := CONTROL.search(data):
+    control = CONTROL.search(data[:HEAD])
+    at = control.start() if control else data.find(b"\0")
+    if at >= 0:
         raise UserError(
-            f"it is no text: byte {start + control.start()} is 0x{control[0][0]:02x}; if it is a binary file, give it "
-            f"the suffix of its format"
+            f"it is no text: byte {start + at} is 0x{data[at]:02x}; if it is a binary file, give it the suffix of its "
+            f"format; otherwise it is damaged"
         )
     if b"\n" not in data and b"\r" in data:
         data = data.replace(b"\r", b"\n")

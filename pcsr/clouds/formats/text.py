@@ -1,6 +1,6 @@
 """XYZ, TXT, ASC and CSV: a point on each line, with or without names of columns; all columns are kept."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
 
 
-def read_xyz(data: bytes, *, columns: str | Sequence[str] | None = None) -> Cloud:
+def read_xyz(data: bytes, *, columns: str | Sequence[str] | None = None, all_columns: bool = True) -> Cloud:
     """Read numbers separated by white space, semicolons, tabs, bars or commas.
 
     If the file does not name columns x, y and z, the first three columns are the coordinates.
@@ -28,43 +28,51 @@ def read_xyz(data: bytes, *, columns: str | Sequence[str] | None = None) -> Clou
         data: content of the file.
         columns: names of the columns, such as "x,y,z,-,red,green,blue"; those in the file by default. Columns that are
             called - or _ and those beyond the last name are left out.
+        all_columns: whether to read other columns than the coordinates.
     """
-    return _read(data, columns=columns)
+    return _read(data, columns, all_columns)
 
 
-def read_csv(data: bytes, *, columns: str | Sequence[str] | None = None) -> Cloud:
+def read_csv(data: bytes, *, columns: str | Sequence[str] | None = None, all_columns: bool = True) -> Cloud:
     """Read a table as `read_xyz` does; names of columns, if there are any, must include x, y and z."""
-    return _read(data, columns=columns, must=True)
+    return _read(data, columns, all_columns, must=True)
 
 
-def read_as(data: bytes, default: Callable[[int], Sequence[str]], columns: str | Sequence[str] | None = None) -> Cloud:
-    """Read a table as `read_xyz` does, whose format defines the names of its columns.
+def read_as(
+    data: bytes,
+    default: Mapping[int, Sequence[str]],
+    *,
+    columns: str | Sequence[str] | None = None,
+    all_columns: bool = True,
+) -> Cloud:
+    """Read a table as `read_xyz` does, in a format that defines the names of its columns.
 
     Args:
         data: content of the file.
-        default: function that returns the names beside the coordinates by the number of columns.
+        default: names of the columns beside the coordinates, by the number of columns.
         columns: as in `read_xyz`.
+        all_columns: as in `read_xyz`.
     """
-    return _read(data, columns=columns, default=default)
+    return _read(data, columns, all_columns, default=default)
 
 
-def xyz_points(data: bytes, *, columns: str | Sequence[str] | None = None) -> np.ndarray:
+def xyz_points(data: bytes) -> np.ndarray:
     """Read the coordinates as `read_xyz` does; other columns need not be numbers."""
-    return _read(data, columns=columns, all_columns=False).points
+    return read_xyz(data, all_columns=False).points
 
 
-def csv_points(data: bytes, *, columns: str | Sequence[str] | None = None) -> np.ndarray:
+def csv_points(data: bytes) -> np.ndarray:
     """Read the coordinates as `read_csv` does; other columns need not be numbers."""
-    return _read(data, columns=columns, must=True, all_columns=False).points
+    return read_csv(data, all_columns=False).points
 
 
 def _read(
     data: bytes,
+    columns: str | Sequence[str] | None,
+    all_columns: bool,
     *,
-    columns: str | Sequence[str] | None = None,
     must: bool = False,
-    all_columns: bool = True,
-    default: Callable[[int], Sequence[str]] | None = None,
+    default: Mapping[int, Sequence[str]] | None = None,
 ) -> Cloud:
     given = None if columns is None else given_names(columns)
     check_lines(data)
@@ -85,7 +93,7 @@ def _read(
         raise UserError(f"line {head.line} has {width} columns, at least 3 are needed")
     names = settle(found, head, width, must=must) if all_columns or not found.axes else found
     if default is not None and not names.named:
-        names.names = ["x", "y", "z", *default(width)]
+        names.names = ["x", "y", "z", *default.get(width, ())]
     rows = Rows(layout.plain(data), head.start, head.line, layout, names.axes, _only(names, all_columns))
     table = read_table(rows, sample)
     points = np.stack([np.asarray(table.columns.pop(i), np.float64) for i in names.axes], axis=-1)
