@@ -10,9 +10,7 @@ from pcsr.clouds.formats.guesses import guess_names
 from pcsr.clouds.formats.table import Table
 
 
-def name_columns(
-    table: Table, names: Sequence[str]
-) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
+def name_columns(table: Table, names: Sequence[str]) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
     """Name the columns of a table.
 
     Colours and normals get their standard names: red, green, blue, alpha, nx, ny, nz. Without any names, colours and

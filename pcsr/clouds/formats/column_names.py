@@ -71,6 +71,11 @@ def find_axes(names: Sequence[str]) -> list[int]:
     return []
 
 
+def has_axis(names: Sequence[str]) -> bool:
+    """Return whether a name is that of a coordinate by its letter, x, y or z."""
+    return any(map(_by_letter, names))
+
+
 def in_degrees(names: Sequence[str]) -> bool:
     """Return whether the names are those of geographic coordinates."""
     return len({_bare(name) for name in names} & DEGREES) > 1

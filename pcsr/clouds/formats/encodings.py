@@ -33,7 +33,7 @@ def as_utf8(data: bytes) -> tuple[bytes, list[str]]:
     """
     encoding, start, notes = _encoding(data)
     if encoding != "ascii":
-        text = _decoded(data[start:], encoding).translate(LIKE_ASCII)
+        text = _decoded(data[start:], encoding, start).translate(LIKE_ASCII)
         data = text.encode("utf-8", "surrogatepass")
     if data.endswith(b"\x1a"):  # the end of a file in DOS
         data = data.rstrip(b"\x1a")
@@ -67,13 +67,13 @@ def _encoding(data: bytes) -> tuple[str, int, list[str]]:
     return "utf-8", 0, []
 
 
-def _decoded(data: bytes, encoding: str) -> str:
+def _decoded(data: bytes, encoding: str, start: int) -> str:
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
         if encoding == "cp1252":  # five bytes have no character there
             return data.decode("latin-1")
         raise UserError(
-            f"it begins as {encoding.upper()} text, and byte {error.start} is no character of it: it is cut off or "
-            f"damaged"
+            f"it begins as {encoding.upper()} text, and byte {start + error.start} is no character of it: it is "
+            f"cut off or damaged"
         ) from error

@@ -4,8 +4,8 @@ import math
 import re
 
 MISSING = {
-    *("", "na", "n/a", "#n/a", "<na>", "null", "<null>", "(null)", "none", "nil", "-", "--", "---", "?", "*", ".", "\\n"),
-    *("#nv", "#value!", "#wert!", "#num!", "#zahl!", "#div/0!", "#ref!", "nodata", "no data", "missing"),
+    *("", "na", "n/a", "#n/a", "<na>", "null", "<null>", "(null)", "none", "nil", "missing", "nodata", "no data"),
+    *("-", "--", "---", "?", "*", ".", "\\n", "#nv", "#value!", "#wert!", "#num!", "#zahl!", "#div/0!", "#ref!"),
 }
 """Spellings of missing values, in lower case; those with # are Excel's."""
 NOT_FINITE = re.compile(r"([+-]?)(?:[qs]?nan[qs]?(?:\([^)]*\))?|inf|infinity|1[.,]#\w+)")

@@ -95,13 +95,11 @@ def _header(data: bytes, ends: Int[np.ndarray, " lines"], at: int) -> tuple[int,
     if matrix[:3, 3].any() and (matrix[3] == (0, 0, 0, 1)).all():
         matrix = matrix.T  # some programs write the transformation of column vectors
     if (matrix[:, 3] != (0, 0, 0, 1)).any():
-        raise UserError(f"the transformation in lines {at + 7} to {at + 10} does not end in a column 0 0 0 1: correct it")
+        raise UserError(f"the rows of the transformation in lines {at + 7} to {at + 10} do not end in 0, 0, 0 and 1")
     return int(size[0] * size[1]), matrix
 
 
-def _scan(
-    data: bytes, line: int
-) -> tuple[Float64[np.ndarray, "n 3"], dict[str, np.ndarray], list[str]]:
+def _scan(data: bytes, line: int) -> tuple[Float64[np.ndarray, "n 3"], dict[str, np.ndarray], list[str]]:
     """Read the points of a scan whose first line has a number; return points, columns and notes."""
     layout = Layout(None)
     sample = [layout.split(each.decode("utf-8", "replace")) for each in data.split(b"\n", SAMPLE)[:-1]]

@@ -78,8 +78,7 @@ def find_layout(sample: Sequence[str], data: bytes, start: int, width: int | Non
         if all(separator in line for line in bare):
             if not _single(sample, separator):
                 raise UserError(
-                    f"its columns are separated by '{separator}' and white space, as in '{sample[0].strip()[:60]}': use "
-                    f"one of them"
+                    f"'{separator}' and white space separate its columns, as in '{sample[0].strip()[:60]}': use one"
                 )
             return _with_decimals(Layout(separator), sample)
     if all(line.strip(" \r\n").count("\t") >= 2 for line in bare) and _single(sample, "\t"):

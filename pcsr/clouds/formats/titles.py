@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pcsr.clouds.formats.column_names import find_axes, in_degrees, split_names
+from pcsr.clouds.formats.column_names import find_axes, has_axis, in_degrees, split_names
 from pcsr.clouds.formats.preamble import Preamble
 from pcsr.errors import UserError
 
@@ -95,7 +95,7 @@ def settle(found: Names, head: Preamble, width: int, *, must: bool) -> Names:
         if found.axes != [0, 1, 2]:
             raise UserError(f"its comment names {len(names)} columns, its lines have {width}: correct it, {SAY}")
         if len(names) > 3:
-            notes.append(f"its comment names {len(names)} columns, its lines have {width}: it is obeyed for x, y, z only")
+            notes.append(f"its comment names {len(names)} columns, its lines have {width}: only x, y and z are named")
         names = names[:3]
     names += [""] * (width - len(names))
     return Names(names, found.axes or [0, 1, 2], found.header, notes=notes)
@@ -104,12 +104,16 @@ def settle(found: Names, head: Preamble, width: int, *, must: bool) -> Names:
 def _without_axes(head: Preamble, width: int, *, must: bool) -> Names:
     """Return the names that a last title has for all columns, none of which is a coordinate's, or none."""
     names = split_names(head.titles[-1]) if head.titles else []
-    if len(names) != width:
-        return Names(notes=_left_out(head.titles))
     shown = ", ".join(names)[:200]
+    if len(names) != width:
+        if has_axis(names):
+            raise UserError(
+                f"its line of names, {shown}, does not name x, y and z of {width} columns: correct it, {SAY}"
+            )
+        return Names(notes=_left_out(head.titles))
     if in_degrees(names):
         raise UserError(f"its columns are {shown}, which are degrees: project them to metres, {SAY}")
-    if must or {"x", "y", "z"} & {name.lower() for name in names}:
+    if must or has_axis(names):
         raise UserError(f"its columns are {shown}: name those of the coordinates x, y and z, {SAY}")
     note = f"its columns are {shown}: the first three were taken for x, y and z"
     return Names(names, [0, 1, 2], True, notes=[*_left_out(head.titles[:-1]), note])
