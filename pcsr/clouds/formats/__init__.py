@@ -63,12 +63,12 @@ TEXT_READERS: dict[str, Callable[..., Cloud]] = {
 }
 """Readers that take names of columns."""
 MEMORY = {
-    ".xyz": 11.0,
-    ".txt": 11.0,
-    ".asc": 11.0,
-    ".csv": 11.0,
-    ".pts": 11.0,
-    ".ptx": 11.0,
+    ".xyz": 6.0,
+    ".txt": 6.0,
+    ".asc": 6.0,
+    ".csv": 6.0,
+    ".pts": 6.0,
+    ".ptx": 6.0,
     ".obj": 8.0,
     ".off": 8.0,
     ".glb": 6.0,

@@ -44,18 +44,14 @@ def name_columns(table: Table, names: Sequence[str]) -> tuple[dict[str, np.ndarr
 
 def _black(columns: dict[str, np.ndarray], blank: set[str], notes: list[str]) -> dict[str, np.ndarray]:
     """Replace missing colours from 0 to 255 by 0."""
-    for name in sorted(blank & columns.keys()):
-        column = columns[name]
-        there = column[~np.isnan(column)]
-        if not (len(there) and (there == np.rint(there)).all() and there.min() >= 0 and 1 < there.max() <= 255):
-            return columns
-    if blank:
-        notes.append("missing colours became black")
-        columns = {
-            name: np.where(np.isnan(column), 0, column).astype(np.int64) if name in blank else column
-            for name, column in columns.items()
-        }
-    return columns
+    there = np.concatenate([columns[name][~np.isnan(columns[name])] for name in blank]) if blank else np.zeros(0)
+    if not (len(there) and (there == np.rint(there)).all() and there.min() >= 0 and 1 < there.max() <= 255):
+        return columns
+    notes.append("missing colours became black")
+    return {
+        name: np.nan_to_num(column, nan=0).astype(np.int64) if name in blank else column
+        for name, column in columns.items()
+    }
 
 
 def _colours_in_bytes(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -83,9 +79,9 @@ def _notes(table: Table, names: Sequence[str]) -> list[str]:
     if table.short:
         lines, low, high = table.short
         notes.append(f"{lines} of {count} lines have {low} columns instead of {high}: what they lack is NaN")
-    else:
-        for i, gaps in table.missing.items():
-            notes.append(f"{_called([i], names)} without a value at {gaps} of {count} points, which became NaN")
+    elif table.missing:
+        most = max(table.missing.values())
+        notes.append(f"{_called(table.missing, names)} without a value at up to {most} of {count} points: NaN there")
     return notes
 
 

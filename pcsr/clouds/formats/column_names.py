@@ -18,7 +18,7 @@ DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
 UNITS = {"m", "mm", "cm", "km", "ft", "feet", "in", "inch", "inches", "usft", "meter", "meters", "metre", "metres"}
 """Units in the names of columns: x_mm."""
 POSITION = re.compile(
-    r"(?:coordinates?|coords?|koordinaten?|points?|position|pos|local|global|world|p)*([xyz])"
+    r"(?:coordinates?|coords?|koordinaten?|points?|position|pos|cartesian|local|global|world|utm|pt|p)*([xyz])"
     r"(?:coordinates?|coords?|koordinaten?|pos|local|global|world|utm)*"
 )
 """Name of a coordinate without separators and units, such as "coordx" or "posx"."""
@@ -130,5 +130,5 @@ def _by_letter(name: str) -> str:
 
 
 def _by_word(name: str) -> str:
-    bare = _bare(name)
+    bare = _bare(name).removeprefix("utm")
     return next((axis for axis, words in AXES.items() if bare in words), _by_letter(name))

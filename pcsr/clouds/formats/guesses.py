@@ -31,7 +31,7 @@ def guess_names(columns: Mapping[int, np.ndarray]) -> tuple[dict[int, str], str]
     for run in _runs([i for i, column in columns.items() if _is_byte(column)]):
         block = [columns[i] for i in run]
         opaque = len(run) == 4 and bool((block[3] == 255).all())
-        if (len(run) == 3 or opaque) and max(int(column.max()) for column in block[:3]) > 1:
+        if (len(run) == 3 or opaque) and max(np.nanmax(column) for column in block[:3]) > 1:
             names |= dict(zip(run, COLOURS, strict=False))
     for run in _runs([i for i in columns if i not in names]):
         while len(run) >= 3:
@@ -39,13 +39,15 @@ def guess_names(columns: Mapping[int, np.ndarray]) -> tuple[dict[int, str], str]
                 names |= dict(zip(run[:3], NORMALS, strict=True))
             run = run[1:]
     if not names:
-        return {}, "its columns have no names, and which are colours or normals is not clear: --columns x,y,z,… says it"
+        return {}, (
+            "its columns have no names, and which are colours or normals is not clear: name them by --columns x,y,z,…"
+        )
     found = []
     for group, what in ((COLOURS, "colours"), (NORMALS, "normals")):
         places = [i + 1 for i, name in names.items() if name in group]
         if places:
             found.append(f"columns {places[0]} to {places[-1]} were taken for {what}")
-    return names, f"its {' and '.join(found)}, by their values: --columns x,y,z,… says it otherwise"
+    return names, f"its {' and '.join(found)}, by their values: if they are not, name them by --columns x,y,z,…"
 
 
 def _runs(indices: Sequence[int]) -> list[list[int]]:
@@ -60,7 +62,14 @@ def _runs(indices: Sequence[int]) -> list[list[int]]:
 
 
 def _is_byte(column: np.ndarray) -> bool:
-    return column.dtype.kind == "i" and bool(column.min() >= 0 and column.max() <= 255)
+    """Return whether a column holds integers from 0 to 255, and NaN at most where it has gaps."""
+    if column.dtype.kind == "f":
+        gaps = np.isnan(column)
+        there = column[~gaps]
+        if not gaps.any() or not len(there) or (there != np.rint(there)).any():
+            return False
+        column = there
+    return bool(column.min() >= 0 and column.max() <= 255)
 
 
 def _are_normals(block: Sequence[np.ndarray]) -> bool:

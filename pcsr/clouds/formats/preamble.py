@@ -15,6 +15,7 @@ COUNT = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*\r?$", re.MULTILINE)
 MOST_LINES = 1000
 """Most lines ahead of the numbers."""
 BETWEEN = re.compile(r"[\s,;|]+")
+"""What may separate columns."""
 SAMPLE = 200
 """Number of lines by which the layout of a file is recognised."""
 LINE = re.compile(rb"[^\n]*\n?")

@@ -2,13 +2,11 @@
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from pcsr.errors import UserError
 
-POINT = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
-"""Number with a decimal point."""
 COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
 """Number that may have a decimal comma."""
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
@@ -18,6 +16,9 @@ BOTH = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d*)")
 PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 """Number without a comma."""
 ANY_POINT = re.compile(rb"\d\.|\.\d")
+"""Decimal point."""
+WITH_POINT = re.compile(rb"(?<![^\s;|\"])([+-]?\d*\.\d+(?:[eE][+-]?\d+)?)(?![^\s;|\"])")
+"""Field that is a number with a decimal point."""
 DECIMAL_EVIDENCE = re.compile(rb",0\d|(?<![\d.,])[-+]0,\d|\d,\d+[eE][+-]?\d")
 """What decimal commas have and commas between columns rarely do: 0,05 and -0,5 and 1,5e-3."""
 NO_COLUMN = re.compile(r"[-+]0|0\d+")
@@ -47,7 +48,8 @@ class Layout:
                 return line.split()
             return [word.strip('"').strip() for word in re.findall(r'"[^"]*"|[^\s"]+', line)]
         if '"' not in line:
-            return [word.strip() for word in line.split(self.separator)]
+            words = line.split(self.separator)
+            return [word.strip() for word in words] if " " in line or "\t" in line else words
         return [word.strip() for word in next(csv.reader([line], delimiter=self.separator, skipinitialspace=True))]
 
     def plain(self, data: bytes) -> bytes:
@@ -61,14 +63,14 @@ class Layout:
         return data.replace(b",", b".")
 
 
-def find_layout(sample: Sequence[str], data: bytes, start: int, width: int | None) -> Layout:
+def find_layout(sample: Sequence[str], data: bytes, start: int, widths: Collection[int]) -> Layout:
     """Recognise separator and decimal sign.
 
     Args:
         sample: first lines with numbers.
         data: the whole text.
         start: index of the first line with numbers.
-        width: number of columns, if names of columns say it.
+        widths: number of columns, as far as names of columns say it.
 
     Raises:
         UserError: commas may be decimal signs, separate columns, or separate thousands.
@@ -80,14 +82,17 @@ def find_layout(sample: Sequence[str], data: bytes, start: int, width: int | Non
                 raise UserError(
                     f"'{separator}' and white space separate its columns, as in '{sample[0].strip()[:60]}': use one"
                 )
-            return _with_decimals(Layout(separator), sample)
-    if all(line.strip(" \r\n").count("\t") >= 2 for line in bare) and _single(sample, "\t"):
-        return _with_decimals(Layout("\t"), sample)
+            return _with_decimals(Layout(separator), sample, data, start)
+    indented = all(line.startswith("\t") for line in bare)
+    if not indented and all(line.strip(" \r\n").count("\t") >= 2 for line in bare) and _single(sample, "\t"):
+        return _with_decimals(Layout("\t"), sample, data, start)
     if not any("," in line for line in bare):
-        return _with_decimals(Layout(None), sample) if any("," in line for line in sample) else Layout(None)
+        return (
+            _with_decimals(Layout(None), sample, data, start) if any("," in line for line in sample) else Layout(None)
+        )
     if all(line.count(",") >= 2 for line in bare) and _single(sample, ","):
-        return _by_commas(sample, data, start, width)
-    return _by_white_space(bare, data, start, width)
+        return _by_commas(sample, data, start, widths)
+    return _by_white_space(bare, data, start, widths)
 
 
 def _single(sample: Sequence[str], separator: str) -> bool:
@@ -101,7 +106,7 @@ def _single(sample: Sequence[str], separator: str) -> bool:
     return True
 
 
-def _with_decimals(layout: Layout, sample: Sequence[str]) -> Layout:
+def _with_decimals(layout: Layout, sample: Sequence[str], data: bytes, start: int) -> Layout:
     """Return a layout whose separator is known, with the decimal sign of its numbers."""
     words = [word for line in sample for word in layout.split(line)]
     commas = [word for word in words if COMMA.fullmatch(word)]
@@ -110,9 +115,9 @@ def _with_decimals(layout: Layout, sample: Sequence[str]) -> Layout:
             raise UserError(f"its numbers have separators of thousands, such as {word[:40]}: {REMEDY}, and no others")
     if not commas:
         return layout
-    point = next((word for word in words if POINT.fullmatch(word)), None)
-    if point:
-        raise UserError(f"it has decimal points and commas, {point[:40]} and {commas[0][:40]}: {REMEDY}")
+    if point := WITH_POINT.search(data, start):
+        shown = point[1].decode("utf-8", "replace")[:40]
+        raise UserError(f"it has decimal points and commas, {shown} and {commas[0][:40]}: {REMEDY}")
     if layout.separator != ";":
         _check_thousands(commas)
     return Layout(layout.separator, decimal_comma=True, sure=layout.separator == ";")
@@ -125,15 +130,15 @@ def _check_thousands(commas: Sequence[str]) -> None:
         )
 
 
-def _by_commas(sample: Sequence[str], data: bytes, start: int, width: int | None) -> Layout:
+def _by_commas(sample: Sequence[str], data: bytes, start: int, widths: Collection[int]) -> Layout:
     """Return the layout of lines whose commas separate columns, unless they look like decimal commas."""
     layout = Layout(",")
     rows = [layout.split(line) for line in sample]
     if any('"' in line for line in sample) and any("," in word for row in rows for word in row):
-        return _with_decimals(layout, sample)
-    if width == len(rows[0]) or ANY_POINT.search(data, start):
+        return _with_decimals(layout, sample, data, start)
+    if len(rows[0]) in widths or ANY_POINT.search(data, start):
         return layout
-    split_in_two = width is not None and 2 * width == len(rows[0])
+    split_in_two = any(2 * width == len(rows[0]) for width in widths)
     fragments = len(rows[0]) > 4 and any(NO_COLUMN.fullmatch(word) for row in rows for word in row)
     # Commas with and without a space in each line: "1,5, 2,5, 3,5".
     uneven = all(re.search(r"\d,\s+[+-]?\d", line) and re.search(r"\d,[+-]?\d", line) for line in sample)
@@ -144,7 +149,7 @@ def _by_commas(sample: Sequence[str], data: bytes, start: int, width: int | None
     return layout
 
 
-def _by_white_space(sample: Sequence[str], data: bytes, start: int, width: int | None) -> Layout:
+def _by_white_space(sample: Sequence[str], data: bytes, start: int, widths: Collection[int]) -> Layout:
     """Return the layout of lines in which there are both commas and white space."""
     rows = [line.split() for line in sample]
     words = [word for row in rows for word in row if "," in word]
@@ -159,7 +164,7 @@ def _by_white_space(sample: Sequence[str], data: bytes, start: int, width: int |
     # Commas that separate columns are as many in each line.
     by_tokens = {len(row) for row in rows}
     by_commas = {line.count(",") for line in sample}
-    sure = (len(by_tokens) == 1 and len(by_commas) > 1) or by_tokens == {width}
+    sure = (len(by_tokens) == 1 and len(by_commas) > 1) or (len(by_tokens) == 1 and by_tokens <= set(widths))
     if sure or DECIMAL_EVIDENCE.search(data, start):
         return Layout(None, decimal_comma=True, sure=False)
     raise UserError(f"{shown}, or commas and spaces between columns: {REMEDY}")

@@ -11,11 +11,16 @@ from itertools import islice
 import numpy as np
 
 from pcsr.clouds.formats.missing import MISSING, is_number, number
+from pcsr.clouds.formats.preamble import BETWEEN
 from pcsr.clouds.formats.separators import COMMA, Layout
 from pcsr.errors import UserError
 
 INTEGER = re.compile(r"[+-]?\d{1,19}")
 """Word that may be a 64-bit integer."""
+SPELLED = "S40"
+"""Type of a column that is read as words and then converted."""
+NEXT_KIND = {"i8": "f8", "f8": SPELLED}
+"""Type by which a column is read if another fails."""
 CHUNK = 1 << 15
 """Lines that are read word by word at once."""
 
@@ -100,24 +105,32 @@ def read_table(rows: Rows, sample: Sequence[Sequence[str]]) -> Table:
             table = _read_fast(rows, kinds)
             break
         except (ValueError, DeprecationWarning) as error:
-            # A column may have an integer in the first rows and another number further down.
+            # A column may have an integer in the first rows, and another number or a gap further down.
             found = re.search(r"column (\d+)", str(error))
             at = int(found[1]) - 1 if found else -1
-            if kinds.get(at) != "i8":
+            if kinds.get(at) not in NEXT_KIND:
                 return _read_by_words(rows)
-            kinds[at] = "f8"
+            kinds[at] = NEXT_KIND[kinds[at]]
     empty = [i for i, kind in kinds.items() if kind == "empty"]
-    if any((table[f"{i}"] != b"").any() for i in empty):
+    if any((table[f"{i}"] != "").any() for i in empty):
         return _read_by_words(rows)
     words = {i: next(row[i] for row in sample if not is_number(row[i])) for i, kind in kinds.items() if kind == "words"}
     columns = {i: np.ascontiguousarray(table[f"{i}"]) for i, kind in kinds.items() if kind in ("f8", "i8")}
-    return Table(len(table), columns, words, empty)
+    missing: dict[int, int] = {}
+    for i in [i for i, kind in kinds.items() if kind == SPELLED]:
+        try:
+            columns[i], missing[i] = _spelled(table[f"{i}"])
+        except ValueError:
+            return _read_by_words(rows)
+    columns = {i: columns[i] for i in sorted(columns)}
+    gaps = {i: count for i, count in missing.items() if count and i not in rows.coordinates}
+    return Table(len(table), columns, words, empty, gaps)
 
 
 def _read_fast(rows: Rows, kinds: dict[int, str]) -> np.ndarray:
     """Read all columns by NumPy, which needs plain numbers."""
     # Of words, the first byte is enough: they are left out.
-    fields = [(f"{i}", "S1" if kind in ("words", "empty") else kind) for i, kind in kinds.items()]
+    fields = [(f"{i}", "U1" if kind in ("words", "empty") else kind) for i, kind in kinds.items()]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
         warnings.simplefilter("error", DeprecationWarning)  # of numbers such as 1.5 that are truncated to integers
@@ -130,6 +143,22 @@ def _read_fast(rows: Rows, kinds: dict[int, str]) -> np.ndarray:
             ndmin=1,
             quotechar='"',
         )
+
+
+def _spelled(column: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the values of a column of words, and the number of missing ones.
+
+    Raises:
+        ValueError: a word is no number, or too long for the column.
+    """
+    if (np.char.str_len(column) == column.dtype.itemsize).any():
+        raise ValueError
+    values, missing = np.empty(len(column)), 0
+    for start in range(0, len(column), CHUNK):
+        words = [word.decode("ascii").strip() for word in column[start : start + CHUNK].tolist()]
+        values[start : start + CHUNK] = list(map(number, words))
+        missing += sum(word.lower() in MISSING for word in words)
+    return values, missing
 
 
 def _read_by_words(rows: Rows) -> Table:
@@ -152,7 +181,7 @@ def _read_by_words(rows: Rows) -> Table:
                         raise UserError(_no_number(rows, line, i, word)) from None
                     words[i] = word
                     continue
-                if parts[i][-1].dtype.kind == "f":
+                if np.isnan(parts[i][-1]).any():
                     missing[i] += sum(word.lower() in MISSING for word in column)
     columns = {i: np.concatenate(part) for i, part in parts.items() if i not in words}
     count = len(columns[rows.coordinates[0]])
@@ -184,7 +213,7 @@ def _width(rows: Rows) -> tuple[int, tuple[int, int, int] | None]:
     short = [width for width in widths if width < filled]
     if rows.only is not None or not short:
         return high, None
-    if len(widths) == 2 and min(widths.values()) > 1:
+    if len(widths) == 2 and min(widths.values()) > 1 and not rows.layout.commas_too:
         return high, (widths[short[0]], short[0], high)
     usual, odd = list(first)[:2]
     raise UserError(f"line {first[odd]} has {odd} columns, the first has {usual}")
@@ -196,6 +225,11 @@ def _column(words: Sequence[str]) -> np.ndarray:
             return np.array(list(map(int, words)), np.int64)
         except OverflowError:
             pass
+    try:
+        if "_" not in "".join(words):
+            return np.array(list(map(float, words)), np.float64)
+    except ValueError:
+        pass
     return np.array(list(map(number, words)), np.float64)
 
 
@@ -205,6 +239,10 @@ def _wrong(word: str) -> bool:
 
 def _no_number(rows: Rows, line: int, column: int, word: str) -> str:
     axis = "xyz"[list(rows.coordinates).index(column)]
-    comma = COMMA.fullmatch(word)
-    remedy = "write decimal points, not commas" if comma else "say which columns are x, y and z by --columns -,x,y,z"
+    if COMMA.fullmatch(word):
+        remedy = "write decimal points, not commas"
+    elif len(BETWEEN.split(word)) > 1:
+        remedy = "separate all columns as in the first lines"
+    else:
+        remedy = "say which columns are x, y and z by --columns -,x,y,z"
     return f"line {line}, column {column + 1} ({axis}): '{word[:80]}' is no number: {remedy}"

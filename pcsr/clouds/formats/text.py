@@ -14,7 +14,7 @@ from pcsr.clouds.formats.encodings import as_utf8
 from pcsr.clouds.formats.preamble import COMMENT, COUNT, Preamble, read_preamble
 from pcsr.clouds.formats.separators import find_layout
 from pcsr.clouds.formats.table import Rows, read_table
-from pcsr.clouds.formats.titles import Names, find_names, settle
+from pcsr.clouds.formats.titles import Names, check_given, choose_names, find_names
 from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
 
@@ -83,15 +83,21 @@ def _read(
     counted = _counted(data, head)
     if counted is not None:
         data = data[: head.start] + COUNT.sub(b"", data[head.start :])
-    found = find_names(head, given)
-    layout = find_layout(head.sample, data, head.start, found.width)
+    found = find_names(head) if given is None else []
+    widths = {len(given)} if given is not None else {len(each.names) for each in found if not each.rest}
+    layout = find_layout(head.sample, data, head.start, widths)
     sample = [layout.split(line) for line in head.sample if not COUNT.fullmatch(line.encode())]
     width = max(map(len, sample))
     if width > MOST_COLUMNS:
         raise UserError(f"it has {width} columns, and {MOST_COLUMNS} are the most: remove some")
     if width < 3:
         raise UserError(f"line {head.line} has {width} columns, at least 3 are needed")
-    names = settle(found, head, width, must=must) if all_columns or not found.axes else found
+    if given is not None:
+        names = check_given(given, head, width)
+    elif found and not all_columns:
+        names = found[0]
+    else:
+        names = choose_names(found, head, sample, must=must)
     if default is not None and not names.named:
         names.names = ["x", "y", "z", *default.get(width, ())]
     rows = Rows(layout.plain(data), head.start, head.line, layout, names.axes, _only(names, all_columns))
@@ -100,7 +106,7 @@ def _read(
     if layout.decimal_comma and not layout.sure:
         notes.append("its commas were read as decimal points")
     notes += [*names.notes, *_check_count(counted, len(points))]
-    about: dict[str, Any] = {"header": names.header and not names.given}
+    about: dict[str, Any] = {"header": names.header}
     attributes, about["names"], more = name_columns(table, names.names) if all_columns else ({}, {}, [])
     return Cloud(points, attributes, {"text": about, "notes": (*notes, *more)})
 
@@ -123,7 +129,7 @@ def _counted(data: bytes, head: Preamble) -> int | None:
     if head.count is None:
         return None
     if COUNT.fullmatch(head.sample[0].encode()):
-        raise UserError("its first lines hold one number each, as those of a PTX file: name it .ptx if it is one")
+        raise UserError("its first lines hold one number each, and a point needs three: a PTX file is named .ptx")
     return head.count + sum(int(match[1]) for match in COUNT.finditer(data, head.start))
 
 

@@ -1,5 +1,6 @@
 """Names of the columns of a text file: from its first lines, from a comment, or given by the user."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -8,6 +9,8 @@ from pcsr.clouds.formats.preamble import Preamble
 from pcsr.errors import UserError
 
 SAY = "or say them by --columns, such as --columns x,y,z,-,intensity"
+LABEL = re.compile(r"[:=]")
+"""End of a label ahead of names: "Columns: x y z"."""
 
 
 @dataclass
@@ -17,9 +20,11 @@ class Names:
     names: list[str] = field(default_factory=list)
     """Names by index of column; empty where a column has none."""
     axes: list[int] = field(default_factory=list)
-    """Indices of the columns x, y and z; nothing if no name says it."""
+    """Indices of the columns x, y and z."""
+    line: str = ""
+    """Line that holds the names."""
     header: bool = False
-    """Whether a line that is no comment holds the names."""
+    """Whether that line is no comment."""
     given: bool = False
     """Whether the user gave the names."""
     rest: str = ""
@@ -32,73 +37,74 @@ class Names:
         """Whether a column beside the coordinates has a name."""
         return any(name for i, name in enumerate(self.names) if i not in self.axes)
 
-    @property
-    def width(self) -> int | None:
-        """Number of columns, as far as the names say it."""
-        return len(self.names) if self.axes and not self.rest else None
 
-
-def find_names(head: Preamble, given: Sequence[str] | None) -> Names:
-    """Find the names of columns that include those of the coordinates.
-
-    The user's names come first, then the last line without a comment mark, then the last comment.
+def find_names(head: Preamble) -> list[Names]:
+    """Find the lines with names of columns, x, y and z among them: the last titles first, then the last comments.
 
     Raises:
         UserError: the file holds poses of cameras.
     """
-    if given is not None:
-        return Names(list(given), find_axes(given), bool(head.titles), given=True)
+    found: list[Names] = []
     for lines, header in ((head.titles, True), (head.comments, False)):
         for line in reversed(lines):
-            names = split_names(line)
-            if "IMAGE_ID" in names[:1]:
-                raise UserError("it holds the images of a COLMAP model, no points: name points3D.txt")
-            if axes := find_axes(names):
-                rest = names.pop() if names[-1].endswith("[]") else ""
-                notes = _left_out([title for title in head.titles if title is not line])
-                return Names(names, axes, header, rest=rest, notes=notes)
-    return Names()
+            for text in dict.fromkeys((line, LABEL.split(line, maxsplit=1)[-1])):
+                names = split_names(text)
+                if "IMAGE_ID" in names[:1]:
+                    raise UserError("it holds the images of a COLMAP model, no points: name points3D.txt")
+                if axes := find_axes(names):
+                    rest = names.pop() if names[-1].endswith("[]") else ""
+                    while names and not names[-1]:
+                        names.pop()
+                    found.append(Names(names, axes, line, header, rest=rest))
+    return found
 
 
-def settle(found: Names, head: Preamble, width: int, *, must: bool) -> Names:
-    """Return names of as many columns as the lines have.
+def choose_names(found: Sequence[Names], head: Preamble, rows: Sequence[Sequence[str]], *, must: bool) -> Names:
+    """Return the names that the file has for its columns, as many as its lines have.
 
     Args:
-        found: names that include those of the coordinates, or none.
+        found: lines with names, x, y and z among them.
         head: lines ahead of the numbers.
-        width: number of columns of the lines.
+        rows: words of the first lines with numbers.
         must: whether names, if there are any, must include x, y and z.
 
     Raises:
         UserError: the names do not fit the lines, or do not say which columns are the coordinates.
     """
-    if not found.axes:
-        found = _without_axes(head, width, must=must)
-    names = list(found.names)
-    if found.given:
-        if len(names) > width:
-            raise UserError(f"--columns names {len(names)} columns, its lines have {width}: name as many")
-        return found
-    while len(names) > width and not names[-1]:
-        names.pop()
-    if found.rest:
-        if len(names) > width:
-            raise UserError(f"its comment names {len(names)} columns, line {head.line} has {width}")
-        found.notes.append(f"the lists '{found.rest}' at the end of its lines are left out")
-        return found
-    notes = list(found.notes)
-    if found.axes and len(names) != width and not _only_empty_beyond(head, len(names)):
-        if found.header:
-            raise UserError(
-                f"its line of names has {len(names)} columns, the line after it has {width}: correct it, {SAY}"
-            )
-        if found.axes != [0, 1, 2]:
-            raise UserError(f"its comment names {len(names)} columns, its lines have {width}: correct it, {SAY}")
-        if len(names) > 3:
-            notes.append(f"its comment names {len(names)} columns, its lines have {width}: only x, y and z are named")
+    width = max(map(len, rows))
+    filled = max(i + 1 for row in rows for i, word in enumerate(row) if word)
+    fitting = [each for each in found if each.rest or filled <= len(each.names) <= width]
+    if not found:
+        return _without_axes(head, width, must=must)
+    best = (fitting or found)[0]
+    names, count = list(best.names), len(best.names)
+    notes = _left_out([title for title in head.titles if title is not best.line])
+    if best.rest:
+        if count > min(map(len, rows)):
+            raise UserError(f"its comment names {count} columns, and a line has {min(map(len, rows))}: {SAY[3:]}")
+        if width > count:
+            notes.append(f"the lists '{best.rest}' at the end of its lines are left out")
+    elif not fitting:
+        if best.header:
+            raise UserError(f"its line of names has {count} columns, the line after it has {width}: correct it, {SAY}")
+        if best.axes != [0, 1, 2]:
+            raise UserError(f"its comment names {count} columns, its lines have {width}: correct it, {SAY}")
+        if count > 3:
+            notes.append(f"its comment names {count} columns, its lines have {width}: only x, y and z are named")
         names = names[:3]
-    names += [""] * (width - len(names))
-    return Names(names, found.axes or [0, 1, 2], found.header, notes=notes)
+    names += [""] * (0 if best.rest else width - len(names))
+    return Names(names, best.axes, best.line, best.header, rest=best.rest, notes=notes)
+
+
+def check_given(names: Sequence[str], head: Preamble, width: int) -> Names:
+    """Return names that the user gave.
+
+    Raises:
+        UserError: there are more names than columns.
+    """
+    if len(names) > width:
+        raise UserError(f"--columns names {len(names)} columns, line {head.line} has {width}: name as many")
+    return Names(list(names), find_axes(names), given=True)
 
 
 def _without_axes(head: Preamble, width: int, *, must: bool) -> Names:
@@ -110,18 +116,13 @@ def _without_axes(head: Preamble, width: int, *, must: bool) -> Names:
             raise UserError(
                 f"its line of names, {shown}, does not name x, y and z of {width} columns: correct it, {SAY}"
             )
-        return Names(notes=_left_out(head.titles))
+        return Names(axes=[0, 1, 2], notes=_left_out(head.titles))
     if in_degrees(names):
         raise UserError(f"its columns are {shown}, which are degrees: project them to metres, {SAY}")
     if must or has_axis(names):
         raise UserError(f"its columns are {shown}: name those of the coordinates x, y and z, {SAY}")
     note = f"its columns are {shown}: the first three were taken for x, y and z"
-    return Names(names, [0, 1, 2], True, notes=[*_left_out(head.titles[:-1]), note])
-
-
-def _only_empty_beyond(head: Preamble, count: int) -> bool:
-    """Return whether the first lines have only separators beyond a number of columns."""
-    return all(line.rstrip(" \t,;|").count(mark) < count for line in head.sample for mark in ",;|\t" if mark in line)
+    return Names(names, [0, 1, 2], header=True, notes=[*_left_out(head.titles[:-1]), note])
 
 
 def _left_out(titles: Sequence[str]) -> list[str]:
