@@ -1,4 +1,4 @@
-"""Readers and writers of cloud files: PLY, PCD, text, CSV, NumPy, LAS, and meshes, of which the vertices are read."""
+"""Readers and writers of cloud files: PLY, PCD, text, CSV, PTS, PTX, NumPy, LAS, and meshes, read as vertices."""
 
 import textwrap
 import warnings
@@ -63,13 +63,13 @@ TEXT_READERS: dict[str, Callable[..., Cloud]] = {
 }
 """Readers that take names of columns."""
 MEMORY = {
-    ".xyz": 6.0,
-    ".txt": 6.0,
-    ".asc": 6.0,
-    ".csv": 6.0,
-    ".pts": 6.0,
-    ".ptx": 6.0,
-    ".obj": 8.0,
+    ".xyz": 7.0,
+    ".txt": 7.0,
+    ".asc": 7.0,
+    ".csv": 7.0,
+    ".pts": 7.0,
+    ".ptx": 7.0,
+    ".obj": 9.0,
     ".off": 8.0,
     ".glb": 6.0,
     ".stl": 11.0,

@@ -43,14 +43,17 @@ def name_columns(table: Table, names: Sequence[str]) -> tuple[dict[str, np.ndarr
 
 
 def _black(columns: dict[str, np.ndarray], blank: set[str], notes: list[str]) -> dict[str, np.ndarray]:
-    """Replace missing colours from 0 to 255 by 0."""
+    """Replace missing colours, from 0 to 255 or from 0 to 1, by 0."""
     there = np.concatenate([columns[name][~np.isnan(columns[name])] for name in blank]) if blank else np.zeros(0)
-    if not (len(there) and (there == np.rint(there)).all() and there.min() >= 0 and 1 < there.max() <= 255):
+    if not len(there) or there.min() < 0:
+        return columns
+    in_bytes = bool((there == np.rint(there)).all()) and 1 < there.max() <= 255
+    if not in_bytes and there.max() > 1:
         return columns
     notes.append("missing colours became black")
+    kind = np.int64 if in_bytes else np.float64
     return {
-        name: np.nan_to_num(column, nan=0).astype(np.int64) if name in blank else column
-        for name, column in columns.items()
+        name: np.nan_to_num(column, nan=0).astype(kind) if name in blank else column for name, column in columns.items()
     }
 
 
@@ -81,7 +84,8 @@ def _notes(table: Table, names: Sequence[str]) -> list[str]:
         notes.append(f"{lines} of {count} lines have {low} columns instead of {high}: what they lack is NaN")
     elif table.missing:
         most = max(table.missing.values())
-        notes.append(f"{_called(table.missing, names)} without a value at up to {most} of {count} points: NaN there")
+        most_of = f"{most} of {count}" if len(table.missing) == 1 else f"up to {most} of {count}"
+        notes.append(f"{_called(table.missing, names)} without a value at {most_of} points: NaN there")
     return notes
 
 

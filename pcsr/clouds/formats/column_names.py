@@ -104,7 +104,7 @@ def given_names(columns: str | Sequence[str]) -> list[str]:
     Raises:
         UserError: x, y or z is missing, or a name is there twice.
     """
-    words = columns.split(",") if isinstance(columns, str) else list(columns)
+    words = columns.split("," if "," in columns else None) if isinstance(columns, str) else list(columns)
     names = ["" if word.strip() in SKIPPED else word.strip() for word in words]
     shown = ",".join(map(str, words))[:200]
     found = [name.lower() for name in names if name]

@@ -16,8 +16,19 @@ MARKS = {
 with."""
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f\x7f]")
 """Control character that no text has."""
-LIKE_ASCII = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\N{NARROW NO-BREAK SPACE}": " "})
+LIKE_ASCII = str.maketrans(
+    {
+        "\N{MINUS SIGN}": "-",
+        "\N{NO-BREAK SPACE}": " ",
+        "\N{NARROW NO-BREAK SPACE}": " ",
+        "\N{ZERO WIDTH NO-BREAK SPACE}": "",
+    }
+)
 """Characters of typesetting that stand for those of plain numbers."""
+THOUSANDS = re.compile(r"\d{1,3}(?:[\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]\d{3})+(?!\d)")
+"""Number with spaces between thousands, as French spreadsheets write it."""
+SEPARATED = re.compile(r"\d[ \t;|]+[+-]?\d")
+"""Two numbers between which there is no such space."""
 HEAD = 1 << 12
 """Bytes by which binary files, and UTF-16 without a byte order mark, are recognised."""
 
@@ -33,7 +44,13 @@ def as_utf8(data: bytes) -> tuple[bytes, list[str]]:
     """
     encoding, start, notes = _encoding(data)
     if encoding != "ascii":
-        text = _decoded(data[start:], encoding, start).translate(LIKE_ASCII)
+        text = _decoded(data[start:], encoding, start)
+        grouped = THOUSANDS.search(text)
+        separated = SEPARATED.search(text)
+        text = text.translate(LIKE_ASCII)
+        if grouped and separated:
+            shown = grouped[0].translate(LIKE_ASCII)[:40]
+            raise UserError(f"its numbers have separators of thousands, such as {shown}: write them without")
         data = text.encode("utf-8", "surrogatepass")
     if data.endswith(b"\x1a"):  # the end of a file in DOS
         data = data.rstrip(b"\x1a")

@@ -28,16 +28,16 @@ def guess_names(columns: Mapping[int, np.ndarray]) -> tuple[dict[int, str], str]
     if len(columns) < LEAST - 3:
         return {}, ""
     names: dict[int, str] = {}
-    for run in _runs([i for i, column in columns.items() if _is_byte(column)]):
+    for run in _runs(list(columns)):
+        while len(run) >= 3 and not names:
+            if _are_normals([columns[i] for i in run[:3]]):
+                names |= dict(zip(run[:3], NORMALS, strict=True))
+            run = run[1:]
+    for run in _runs([i for i, column in columns.items() if i not in names and _is_byte(column)]):
         block = [columns[i] for i in run]
         opaque = len(run) == 4 and bool((block[3] == 255).all())
         if (len(run) == 3 or opaque) and max(np.nanmax(column) for column in block[:3]) > 1:
             names |= dict(zip(run, COLOURS, strict=False))
-    for run in _runs([i for i in columns if i not in names]):
-        while len(run) >= 3:
-            if not set(names.values()) & set(NORMALS) and _are_normals([columns[i] for i in run[:3]]):
-                names |= dict(zip(run[:3], NORMALS, strict=True))
-            run = run[1:]
     if not names:
         return {}, (
             "its columns have no names, and which are colours or normals is not clear: name them by --columns x,y,z,…"

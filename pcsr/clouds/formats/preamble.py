@@ -12,6 +12,10 @@ COMMENT = re.compile(rb"^[ \t]*(?:#|//|%).*$|[ \t]#[ \t].*$", re.MULTILINE)
 """Line that is a comment, or the end of a line that is one."""
 COUNT = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*\r?$", re.MULTILINE)
 """Line with one integer, the number of points that follow."""
+BLANK = re.compile(rb"^[ \t;,|]*[;,|][ \t;,|]*\r?$", re.MULTILINE)
+"""Line with separators alone, as spreadsheets write empty rows."""
+EXCEL = re.compile(r'"?sep=.{1,2}"?[;,\t]*', re.IGNORECASE)
+"""Line that tells Excel the separator."""
 MOST_LINES = 1000
 """Most lines ahead of the numbers."""
 BETWEEN = re.compile(r"[\s,;|]+")
@@ -50,7 +54,7 @@ def read_preamble(data: bytes) -> Preamble:
         if match.start() == len(data):
             break
         line = match[0].decode("utf-8", "replace").strip(" \r\n")
-        if not line.strip():
+        if not line.strip(" \t;,|") or EXCEL.fullmatch(line):
             continue
         if line.lstrip().startswith(COMMENT_MARKS):
             found.comments += [] if found.sample else [line]
@@ -71,7 +75,8 @@ def read_preamble(data: bytes) -> Preamble:
         if number > MOST_LINES and not found.sample:
             raise UserError(f"its first {MOST_LINES} lines hold no points: remove what stands ahead of the numbers")
     if not found.sample:
-        raise UserError("it holds no points: no line has numbers for x, y and z")
+        shown = f"; its last line is '{found.titles[-1].strip()[:60]}'" if found.titles else ""
+        raise UserError(f"it holds no points: no line has numbers for x, y and z, such as 0.5 1.5 2.5{shown}")
     return found
 
 

@@ -36,6 +36,9 @@ def read_ptx(data: bytes) -> Cloud:
     """
     check_lines(data)
     data, notes = as_utf8(data)
+    if b"," in data:  # nothing else in the format has commas
+        data = data.replace(b",", b".")
+        notes.append("its commas were read as decimal points")
     if not data.endswith(b"\n"):
         data += b"\n"
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n")) + 1

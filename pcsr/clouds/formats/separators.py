@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from pcsr.errors import UserError
 
-COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
-"""Number that may have a decimal comma."""
+COMMA = re.compile(r"[+-]?(?:\d*,\d+(?:[eEdD][+-]?\d+)?|1,#[A-Za-z]+\d*)")
+"""Number that may have a decimal comma, 1,#QNAN among them."""
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """Number whose commas may separate thousands."""
 BOTH = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d*)")
@@ -24,6 +24,7 @@ DECIMAL_EVIDENCE = re.compile(rb",0\d|(?<![\d.,])[-+]0,\d|\d,\d+[eE][+-]?\d")
 NO_COLUMN = re.compile(r"[-+]0|0\d+")
 """Integer as decimal commas leave it: -0 or 05."""
 REMEDY = "write decimal points, or semicolons between columns"
+NO_THOUSANDS = "write them without"
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def find_layout(sample: Sequence[str], data: bytes, start: int, widths: Collecti
         sample: first lines with numbers.
         data: the whole text.
         start: index of the first line with numbers.
-        widths: number of columns, as far as names of columns say it.
+        widths: numbers of columns that names of columns, or the format, allow; none if any is.
 
     Raises:
         UserError: commas may be decimal signs, separate columns, or separate thousands.
@@ -112,7 +113,7 @@ def _with_decimals(layout: Layout, sample: Sequence[str], data: bytes, start: in
     commas = [word for word in words if COMMA.fullmatch(word)]
     for word in words:
         if "," in word and (BOTH.fullmatch(word) or (THOUSANDS.fullmatch(word) and not COMMA.fullmatch(word))):
-            raise UserError(f"its numbers have separators of thousands, such as {word[:40]}: {REMEDY}, and no others")
+            raise UserError(f"its numbers have separators of thousands, such as {word[:40]}: {NO_THOUSANDS}")
     if not commas:
         return layout
     if point := WITH_POINT.search(data, start):
@@ -154,7 +155,7 @@ def _by_white_space(sample: Sequence[str], data: bytes, start: int, widths: Coll
     rows = [line.split() for line in sample]
     words = [word for row in rows for word in row if "," in word]
     if all(BOTH.fullmatch(word) for word in words):
-        raise UserError(f"its numbers have separators of thousands, such as {words[0][:40]}: {REMEDY}, and no others")
+        raise UserError(f"its numbers have separators of thousands, such as {words[0][:40]}: {NO_THOUSANDS}")
     if not all(COMMA.fullmatch(word) for word in words) or max(map(len, rows)) < 3:
         return _checked_mixture(words)
     shown = f"it may have decimal commas ({words[0][:40]} for {words[0][:40].replace(',', '.')})"
@@ -164,7 +165,9 @@ def _by_white_space(sample: Sequence[str], data: bytes, start: int, widths: Coll
     # Commas that separate columns are as many in each line.
     by_tokens = {len(row) for row in rows}
     by_commas = {line.count(",") for line in sample}
-    sure = (len(by_tokens) == 1 and len(by_commas) > 1) or (len(by_tokens) == 1 and by_tokens <= set(widths))
+    others = {len(row) + line.count(",") for row, line in zip(rows, sample, strict=True)}
+    fits = by_tokens <= set(widths) and not others & set(widths)
+    sure = len(by_tokens) == 1 and (len(by_commas) > 1 or fits)
     if sure or DECIMAL_EVIDENCE.search(data, start):
         return Layout(None, decimal_comma=True, sure=False)
     raise UserError(f"{shown}, or commas and spaces between columns: {REMEDY}")

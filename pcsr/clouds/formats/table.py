@@ -153,7 +153,7 @@ def _spelled(column: np.ndarray) -> tuple[np.ndarray, int]:
     """
     if (np.char.str_len(column) == column.dtype.itemsize).any():
         raise ValueError
-    values, missing = np.empty(len(column)), 0
+    values, missing = np.zeros(len(column)), 0
     for start in range(0, len(column), CHUNK):
         words = [word.decode("ascii").strip() for word in column[start : start + CHUNK].tolist()]
         values[start : start + CHUNK] = list(map(number, words))
@@ -243,6 +243,8 @@ def _no_number(rows: Rows, line: int, column: int, word: str) -> str:
         remedy = "write decimal points, not commas"
     elif len(BETWEEN.split(word)) > 1:
         remedy = "separate all columns as in the first lines"
+    elif line > rows.line:
+        remedy = "correct or remove the line"
     else:
         remedy = "say which columns are x, y and z by --columns -,x,y,z"
     return f"line {line}, column {column + 1} ({axis}): '{word[:80]}' is no number: {remedy}"

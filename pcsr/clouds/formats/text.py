@@ -11,9 +11,9 @@ from pcsr.clouds.formats.attributes import name_columns
 from pcsr.clouds.formats.column_names import given_names
 from pcsr.clouds.formats.digits import check_lines, words
 from pcsr.clouds.formats.encodings import as_utf8
-from pcsr.clouds.formats.preamble import COMMENT, COUNT, Preamble, read_preamble
+from pcsr.clouds.formats.preamble import BLANK, COMMENT, COUNT, Preamble, read_preamble
 from pcsr.clouds.formats.separators import find_layout
-from pcsr.clouds.formats.table import Rows, read_table
+from pcsr.clouds.formats.table import INTEGER, Rows, read_table
 from pcsr.clouds.formats.titles import Names, check_given, choose_names, find_names
 from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
@@ -78,13 +78,14 @@ def _read(
     check_lines(data)
     data, notes = as_utf8(data)
     head = read_preamble(data)
-    if any(data.find(mark, head.start) >= 0 for mark in (b"#", b"//", b"%")):
-        data = data[: head.start] + COMMENT.sub(b"", data[head.start :])
-    counted = _counted(data, head)
-    if counted is not None:
-        data = data[: head.start] + COUNT.sub(b"", data[head.start :])
+    data, counted, blank = _without_other_lines(data, head)
+    if blank:
+        lines = "1 line of separators alone is" if blank == 1 else f"{blank} lines of separators alone are"
+        notes.append(f"{lines} left out")
     found = find_names(head) if given is None else []
     widths = {len(given)} if given is not None else {len(each.names) for each in found if not each.rest}
+    if default is not None and not widths:
+        widths = {3, *default}
     layout = find_layout(head.sample, data, head.start, widths)
     sample = [layout.split(line) for line in head.sample if not COUNT.fullmatch(line.encode())]
     width = max(map(len, sample))
@@ -95,7 +96,7 @@ def _read(
     if given is not None:
         names = check_given(given, head, width)
     elif found and not all_columns:
-        names = found[0]
+        names = next((each for each in found if len(each.names) == width), found[0])
     else:
         names = choose_names(found, head, sample, must=must)
     if default is not None and not names.named:
@@ -106,6 +107,8 @@ def _read(
     if layout.decimal_comma and not layout.sure:
         notes.append("its commas were read as decimal points")
     notes += [*names.notes, *_check_count(counted, len(points))]
+    if not (names.given or found or default):
+        notes += _check_first_columns(sample)
     about: dict[str, Any] = {"header": names.header}
     attributes, about["names"], more = name_columns(table, names.names) if all_columns else ({}, {}, [])
     return Cloud(points, attributes, {"text": about, "notes": (*notes, *more)})
@@ -120,17 +123,44 @@ def _only(names: Names, all_columns: bool) -> list[int] | None:
     return None
 
 
-def _counted(data: bytes, head: Preamble) -> int | None:
-    """Return the number of points that lines with one integer announce; None if there are none.
+def _without_other_lines(data: bytes, head: Preamble) -> tuple[bytes, int | None, int]:
+    """Empty the lines that hold no point: comments, counts of points, and separators alone.
+
+    Returns:
+        The text; the number of points that its counts announce, None without any; and the number of lines that held
+        separators alone.
 
     Raises:
         UserError: the first two lines have one integer each.
     """
-    if head.count is None:
-        return None
-    if COUNT.fullmatch(head.sample[0].encode()):
-        raise UserError("its first lines hold one number each, and a point needs three: a PTX file is named .ptx")
-    return head.count + sum(int(match[1]) for match in COUNT.finditer(data, head.start))
+    counted, blank, rest = None, 0, None
+    if any(data.find(mark, head.start) >= 0 for mark in (b"#", b"//", b"%")):
+        rest = COMMENT.sub(b"", data[head.start :])
+    if head.count is not None:
+        if COUNT.fullmatch(head.sample[0].encode()):
+            raise UserError("its first lines hold one number each, and a point needs three: a PTX file is named .ptx")
+        rest = data[head.start :] if rest is None else rest
+        counted = head.count + sum(int(match[1]) for match in COUNT.finditer(rest))
+        rest = COUNT.sub(b"", rest)
+    if BLANK.search(data, head.start):
+        rest, blank = BLANK.subn(b"", data[head.start :] if rest is None else rest)
+    return data if rest is None else data[: head.start] + rest, counted, blank
+
+
+def _check_first_columns(sample: Sequence[Sequence[str]]) -> list[str]:
+    """Return a note if lines without names begin with integers ahead of three columns with decimals.
+
+    They may be numbers of points, rows or columns.
+    """
+    whole = [all(INTEGER.fullmatch(word) for word in column) for column in zip(*sample, strict=False)]
+    for count, axes in (
+        (1, "column holds integers and was taken for x"),
+        (2, "two columns hold integers and were taken for x and y"),
+    ):
+        if len(whole) >= count + 3 and all(whole[:count]) and not any(whole[count : count + 3]):
+            skipped = "-," * count
+            return [f"its first {axes}: if they number the points, name the columns by --columns {skipped}x,y,z,…"]
+    return []
 
 
 def _check_count(counted: int | None, count: int) -> list[str]:

@@ -9,6 +9,8 @@ from pcsr.clouds.formats.preamble import Preamble
 from pcsr.errors import UserError
 
 SAY = "or say them by --columns, such as --columns x,y,z,-,intensity"
+MARK = re.compile(r"^\s*(?:#|//|%)+[\s;,|]+")
+"""Mark of a comment and a separator after it: "#;x;y;z", where the mark may be the name of a column too."""
 LABEL = re.compile(r"[:=]")
 """End of a label ahead of names: "Columns: x y z"."""
 
@@ -47,7 +49,8 @@ def find_names(head: Preamble) -> list[Names]:
     found: list[Names] = []
     for lines, header in ((head.titles, True), (head.comments, False)):
         for line in reversed(lines):
-            for text in dict.fromkeys((line, LABEL.split(line, maxsplit=1)[-1])):
+            bare = MARK.sub("", line)
+            for text in dict.fromkeys((line, bare, LABEL.split(line, maxsplit=1)[-1])):
                 names = split_names(text)
                 if "IMAGE_ID" in names[:1]:
                     raise UserError("it holds the images of a COLMAP model, no points: name points3D.txt")
@@ -128,5 +131,5 @@ def _without_axes(head: Preamble, width: int, *, must: bool) -> Names:
 def _left_out(titles: Sequence[str]) -> list[str]:
     if not titles:
         return []
-    lines = "1 line" if len(titles) == 1 else f"{len(titles)} lines"
-    return [f"{lines} ahead of its points are left out, such as '{titles[0].strip()[:60]}'"]
+    lines = "1 line ahead of its points is" if len(titles) == 1 else f"{len(titles)} lines ahead of its points are"
+    return [f"{lines} left out, such as '{titles[0].strip()[:60]}'"]
