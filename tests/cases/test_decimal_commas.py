@@ -51,7 +51,7 @@ def test_one_column_of_decimals_is_enough():
 
 @pytest.mark.parametrize("gap", [" ", "\t", ";"])
 def test_words_of_windows_for_what_is_no_number_have_commas_too(gap):
-    text = "1,5 2,5 3,25 1,#QNAN\n4 5,5 6,5 -1,#INF\n1,#IND 1 2,5 3\n".replace(" ", gap)
+    text = "1,5 2,5 3,25 1,#QNAN\n4 5,5 6,5 -1,#INF00e+000\n1,#IND 1 2,5 3\n".replace(" ", gap)
     cloud = read(text, bad="drop")
     assert cloud.points.tolist() == [[1.5, 2.5, 3.25], [4, 5.5, 6.5]]
     np.testing.assert_array_equal(cloud.columns["c3"], [np.nan, -np.inf])

@@ -101,6 +101,7 @@ def test_names_are_obeyed_wherever_they_stand(tmp_path, suffix, text, columns):
             "1.234.567 1.234.567 12\n",
             "no line has numbers for x, y and z, .* its last line is '1.234.567 1.234.567 12'",
         ),
+        ("OFF\n2 0 0\n1 2 3\n4 5 6\n", "it is an OFF mesh: name it .off"),
         ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2\n3 4\n", "ESRI grid"),
         (
             "3\nwater\nO 0 0 0\nH 1 0 0\nH 0 1 0\n",
@@ -243,7 +244,7 @@ def test_colours_on_some_lines_only_are_black_on_the_others():
 
 
 @pytest.mark.parametrize(
-    "word", ["nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "1.#SNAN00", "NaN", "inf", "NULL"]
+    "word", ["nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "1.#SNAN00", "-1.#IND00e+000", "NaN", "inf", "NULL"]
 )
 def test_points_that_are_not_finite_are_counted_and_dropped(word):
     text = f"{word} 1 2\n1 2 3\n4 5 {word}\n"

@@ -63,12 +63,12 @@ TEXT_READERS: dict[str, Callable[..., Cloud]] = {
 }
 """Readers that take names of columns."""
 MEMORY = {
-    ".xyz": 7.0,
-    ".txt": 7.0,
-    ".asc": 7.0,
-    ".csv": 7.0,
-    ".pts": 7.0,
-    ".ptx": 7.0,
+    ".xyz": 11.0,
+    ".txt": 11.0,
+    ".asc": 11.0,
+    ".csv": 11.0,
+    ".pts": 11.0,
+    ".ptx": 11.0,
     ".obj": 9.0,
     ".off": 8.0,
     ".glb": 6.0,

@@ -8,7 +8,7 @@ MISSING = {
     *("-", "--", "---", "?", "*", ".", "\\n", "#nv", "#value!", "#wert!", "#num!", "#zahl!", "#div/0!", "#ref!"),
 }
 """Spellings of missing values, in lower case; those with # are Excel's."""
-NOT_FINITE = re.compile(r"([+-]?)(?:[qs]?nan[qs]?(?:\([^)]*\))?|inf|infinity|1[.,]#\w+)")
+NOT_FINITE = re.compile(r"([+-]?)(?:[qs]?nan[qs]?(?:\([^)]*\))?|inf|infinity|1[.,]#\w+(?:[+-]\d+)?)")
 """Number that is not finite, in lower case, in the spellings of C, Windows (1.#QNAN, -nan(ind)), Java and Python."""
 FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)")
 """Number of double precision in Fortran's notation."""

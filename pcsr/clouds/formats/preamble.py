@@ -16,6 +16,8 @@ BLANK = re.compile(rb"^[ \t;,|]*[;,|][ \t;,|]*\r?$", re.MULTILINE)
 """Line with separators alone, as spreadsheets write empty rows."""
 EXCEL = re.compile(r'"?sep=.{1,2}"?[;,\t]*', re.IGNORECASE)
 """Line that tells Excel the separator."""
+OFF = re.compile(r"(?:ST)?C?N?OFF\s*")
+"""First line of an OFF mesh."""
 MOST_LINES = 1000
 """Most lines ahead of the numbers."""
 BETWEEN = re.compile(r"[\s,;|]+")
@@ -68,6 +70,8 @@ def read_preamble(data: bytes) -> Preamble:
             found.start, found.line, found.sample = match.start(), number, [line]
         else:
             found.titles.append(line)
+            if len(found.titles) == 1 and OFF.fullmatch(line):
+                raise UserError("it is an OFF mesh: name it .off")
             if len(found.titles) == 1 and line.lower().startswith("ncols"):
                 raise UserError(
                     "it is an ESRI grid, a map of heights without points: convert it, by gdal_translate -of XYZ"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pcsr.errors import UserError
 
-COMMA = re.compile(r"[+-]?(?:\d*,\d+(?:[eEdD][+-]?\d+)?|1,#[A-Za-z]+\d*)")
+COMMA = re.compile(r"[+-]?(?:\d*,\d+(?:[eEdD][+-]?\d+)?|1,#\w+(?:[+-]\d+)?)")
 """Number that may have a decimal comma, 1,#QNAN among them."""
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """Number whose commas may separate thousands."""
