@@ -7,6 +7,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, complete_metric
+from pcsr.errors import UserError
 
 
 @click.command()
@@ -35,6 +36,9 @@ from pcsr.cli.options import FILE, PLUGIN, complete_metric
     shell_complete=complete_metric,
     help="Compute only this metric. May be repeated.  [default: all that are possible]",
 )
+@click.option(
+    "--columns", default=None, metavar="NAMES", help="Names of the columns of text files: -,x,y,z. - leaves one out."
+)
 @click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Python file with metrics.")
 @click.option("--json", "plain", is_flag=True, help="Print the unscaled values as JSON.")
 def evaluate(
@@ -43,6 +47,7 @@ def evaluate(
     mesh: Path | None,
     frame: str,
     metrics: tuple[str, ...],
+    columns: str | None,
     plugins: tuple[Path, ...],
     plain: bool,
 ) -> None:
@@ -53,12 +58,14 @@ def evaluate(
     from rich import box
     from rich.table import Column, Table
 
-    from pcsr.clouds.formats import read_points
+    from pcsr.clouds.formats import TEXT_READERS, read_points
     from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics.one_cloud import evaluate as measure
     from pcsr.metrics.one_cloud import named, why_no_emd
 
-    clouds = read_points(prediction), read_points(truth)
+    if columns is not None and not {prediction.suffix.lower(), truth.suffix.lower()} & TEXT_READERS.keys():
+        raise UserError(f"--columns {columns[:200]}: neither cloud is text, whose columns it could name")
+    clouds = read_points(prediction, columns=columns), read_points(truth, columns=columns)
     surface = None if mesh is None else read_mesh(mesh)
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     if not metrics and (why := why_no_emd(*map(len, clouds))):

@@ -52,6 +52,12 @@ PIPE = Path("-")
     "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
 )
 @click.option(
+    "--columns",
+    default=None,
+    metavar="NAMES",
+    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
+)
+@click.option(
     "--format",
     "suffix",
     default="ply",
@@ -81,6 +87,7 @@ def upsample(
     fields: tuple[str, ...],
     replace: bool,
     bad: "Bad",
+    columns: str | None,
     suffix: str,
     device: str,
     jobs: int | None,
@@ -120,9 +127,9 @@ def upsample(
     name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
     with _yellow_warnings(console):
         read = (
-            read_cloud_pipe(streams.open_input(), kind, name, bad="keep")
+            read_cloud_pipe(streams.open_input(), kind, name, bad="keep", columns=columns)
             if cloud == PIPE
-            else read_cloud(cloud, kind if cloud.suffix == "" else None, bad="keep")
+            else read_cloud(cloud, kind if cloud.suffix == "" else None, bad="keep", columns=columns)
         )
         given = screen(read, bad, name)
     check_finite_only(given.cloud, out.suffix if out != PIPE else kind, str(out))

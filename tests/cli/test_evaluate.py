@@ -34,6 +34,17 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     assert "none.ply" in wrong.output
 
 
+def test_columns_of_text_are_named(tmp_path):
+    points = np.random.default_rng(0).normal(size=(40, 3))
+    write_points(tmp_path / "a.ply", points)
+    np.savetxt(tmp_path / "b.txt", np.column_stack([np.arange(40), points]), "%d %.17g %.17g %.17g")
+    files = (tmp_path / "a.ply", tmp_path / "b.txt", "--json", "--metric", "cd")
+    assert json.loads(run("evaluate", *files, "--columns", "-,x,y,z").output)["cd"] == 0
+    wrong = run("evaluate", tmp_path / "a.ply", tmp_path / "a.ply", "--columns", "-,x,y,z")
+    assert wrong.exit_code == 2
+    assert "neither cloud is text" in wrong.output
+
+
 def test_it_says_why_there_is_no_emd(tmp_path):
     write_points(tmp_path / "a.ply", np.random.default_rng(0).normal(size=(40, 3)))
     write_points(tmp_path / "b.ply", np.random.default_rng(1).normal(size=(30, 3)))

@@ -36,7 +36,13 @@ def test_every_format_keeps_every_double(tmp_path_factory, suffix, points):
 
 
 def test_whatever_is_written_can_be_read():
-    assert READERS.keys() == WRITERS.keys() == {".ply", ".pcd", ".xyz", ".txt", ".csv", ".npy", ".npz"}
+    assert (
+        READERS.keys() - {".ptx"}
+        == WRITERS.keys()
+        == {
+            *(".ply", ".pcd", ".xyz", ".txt", ".asc", ".csv", ".pts", ".npy", ".npz"),
+        }
+    )
 
 
 def test_suffixes_in_capitals_count_and_one_point_is_a_cloud(tmp_path):
@@ -102,13 +108,13 @@ def test_an_npz_gives_its_points_or_its_only_array(tmp_path):
     ("name", "content", "reason"),
     [
         ("a.xyz", "1 2 3\n4 5\n", "line 2 has 2 columns, at least 3 are needed"),
-        ("a.xyz", "1000\n1 2 3\n", "line 1 has 1 columns"),
-        ("a.xyz", "1 2 3\n\n4 five 6\n", "line 3: could not convert string to float: 'five'"),
+        ("a.xyz", "1000\n1 2 3\n", "cut off: 1 of its 1000 points are there"),
+        ("a.xyz", "1 2 3\n\n4 five 6\n", r"line 3, column 2 \(y\): 'five' is no number"),
         ("a.xyz", "1 2 nan\n1 2 3\ninf 2 3\n", "2 of 3 points have a coordinate that is not finite"),
         ("a.xyz", "# nothing\nx y z\n", "holds no points"),
-        ("a.xyz", b"\xff\xfe\x00", "cannot be read as a .xyz file: .*decode"),
+        ("a.xyz", b"\xff\xfe\x00", "begins as UTF-16-LE text, and byte 2 is no character of it: it is cut off"),
         ("a.csv", "a,b,c\n1,2,3\n", "its columns are a, b, c: name those of the coordinates x, y and z"),
-        ("a.csv", "1;2;3\n", "line 1 has 1 columns|its columns are 1;2;3"),
+        ("a.csv", "1;2\n", "line 1 has 2 columns, at least 3 are needed"),
         ("a.csv", "t,x,y,z\n1,2,3\n", "line 2 has 3 columns, at least 4"),
         ("a.ply", "", "cannot be read as a .ply file"),
         ("a.ply", "ply noise", "cannot be read as a .ply file"),
@@ -179,7 +185,7 @@ def test_arrays_of_objects_are_refused_and_not_run(tmp_path):
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path):
     for use in (read_points, lambda path: write_points(path, POINTS)):
-        with pytest.raises(UserError, match=r"no cloud format '.las': .csv, .npy, .npz, .pcd, .ply, .txt, .xyz are"):
+        with pytest.raises(UserError, match=r"no cloud format '.las': .asc, .csv, .npy, .*, .xyz are"):
             use(tmp_path / "a.las")
         with pytest.raises(UserError, match="no cloud format ''"):
             use(tmp_path / "cloud")

@@ -1,8 +1,8 @@
-"""Readers and writers of cloud files: PLY, PCD, text, CSV, NumPy, LAS, and meshes, of which the vertices are read."""
+"""Readers and writers of cloud files: PLY, PCD, text, CSV, PTS, PTX, NumPy, LAS, and meshes, read as vertices."""
 
 import textwrap
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.faults import Bad
-from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
+from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, pts, ptx, text
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.files import check_target, write_whole
@@ -28,7 +28,10 @@ CLOUD_READERS: dict[str, Callable[[bytes], Cloud]] = {
     ".pcd": pcd.read,
     ".xyz": text.read_xyz,
     ".txt": text.read_xyz,
+    ".asc": text.read_xyz,
     ".csv": text.read_csv,
+    ".pts": pts.read_pts,
+    ".ptx": ptx.read_ptx,
     ".npy": arrays.read_npy,
     ".npz": arrays.read_npz,
     ".obj": mesh.read_obj,
@@ -43,18 +46,31 @@ CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
     ".pcd": pcd.write,
     ".xyz": text.write_xyz,
     ".txt": text.write_xyz,
+    ".asc": text.write_xyz,
     ".csv": text.write_csv,
+    ".pts": pts.write_pts,
     ".npy": arrays.write_npy,
     ".npz": arrays.write_npz,
     ".obj": mesh.write_obj,
     ".las": las.write_las,
     ".laz": las.write_laz,
 }
+TEXT_READERS: dict[str, Callable[..., Cloud]] = {
+    ".xyz": text.read_xyz,
+    ".txt": text.read_xyz,
+    ".asc": text.read_xyz,
+    ".csv": text.read_csv,
+    ".pts": pts.read_pts,
+}
+"""Readers that take names of columns."""
 MEMORY = {
     ".xyz": 11.0,
     ".txt": 11.0,
+    ".asc": 11.0,
     ".csv": 11.0,
-    ".obj": 8.0,
+    ".pts": 11.0,
+    ".ptx": 11.0,
+    ".obj": 9.0,
     ".off": 8.0,
     ".glb": 6.0,
     ".stl": 11.0,
@@ -74,12 +90,18 @@ def _points_of(read: Callable[[bytes], Cloud]) -> Callable[[bytes], np.ndarray]:
 
 
 READERS: dict[str, Callable[[bytes], np.ndarray]] = {
-    suffix: _points_of(CLOUD_READERS[suffix]) for suffix in (".ply", ".pcd", ".npy", ".npz")
-} | {".xyz": text.xyz_points, ".txt": text.xyz_points, ".csv": text.csv_points}
-WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS}
+    suffix: _points_of(CLOUD_READERS[suffix]) for suffix in (".ply", ".pcd", ".npy", ".npz", ".ptx")
+} | {suffix: _points_of(partial(read, all_columns=False)) for suffix, read in TEXT_READERS.items()}
+WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS if suffix in CLOUD_WRITERS}
 
 
-def read_cloud(path: Path, suffix: str | None = None, *, bad: Bad = "refuse") -> Cloud:
+def read_cloud(
+    path: Path,
+    suffix: str | None = None,
+    *,
+    bad: Bad = "refuse",
+    columns: str | Sequence[str] | None = None,
+) -> Cloud:
     """Read a cloud with all of its columns from a file; of a mesh, the vertices. The suffix sets the format.
 
     Args:
@@ -88,23 +110,34 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Bad = "refuse") ->
         bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
             number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
             faults.
+        columns: names of the columns of a text file, such as "x,y,z,-,red,green,blue", instead of those in the file.
+            Columns that are called - or _ and those beyond the last name are left out.
 
     Returns:
         The cloud, in the frame and unit of the file.
 
     Raises:
         UserError: the file does not exist, has an unknown suffix, is damaged or of another format, holds no points,
-            or holds points that are not finite.
+            or holds points that are not finite; or `columns` does not fit the file.
 
     Warns:
         PcsrWarning: the file was read in part, or its meaning was guessed.
     """
     suffix = suffix or path.suffix
     _by_suffix(suffix, CLOUD_READERS, str(path))
-    return read_cloud_bytes(_content(path, suffix), suffix, str(path), bad=bad)
+    _check_columns(columns, suffix, str(path))
+    return read_cloud_bytes(_content(path, suffix), suffix, str(path), bad=bad, columns=columns)
 
 
-def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Bad = "refuse", most: int = LARGEST_PIPE) -> Cloud:
+def read_cloud_pipe(
+    file: Readable,
+    suffix: str,
+    name: str,
+    *,
+    bad: Bad = "refuse",
+    columns: str | Sequence[str] | None = None,
+    most: int = LARGEST_PIPE,
+) -> Cloud:
     """Read a cloud from a pipe, up to its end.
 
     Args:
@@ -112,19 +145,28 @@ def read_cloud_pipe(file: Readable, suffix: str, name: str, *, bad: Bad = "refus
         suffix: suffix of the format, such as ".ply".
         name: name of the pipe, for messages.
         bad: as in `read_cloud`.
+        columns: as in `read_cloud`.
         most: largest number of bytes to read.
 
     Raises:
         UserError: as `read_cloud`, or the pipe has more than `most` bytes.
     """
     _by_suffix(suffix, CLOUD_READERS, name)
+    _check_columns(columns, suffix, name)
     data = read_pipe(
         file, name, most=most, memory=_memory(suffix), check=partial(check_start, suffix=suffix, name=name)
     )
-    return read_cloud_bytes(data, suffix, name, bad=bad)
+    return read_cloud_bytes(data, suffix, name, bad=bad, columns=columns)
 
 
-def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Bad = "refuse") -> Cloud:
+def read_cloud_bytes(
+    data: bytes,
+    suffix: str,
+    name: str,
+    *,
+    bad: Bad = "refuse",
+    columns: str | Sequence[str] | None = None,
+) -> Cloud:
     """Read a cloud from the bytes of a file.
 
     Args:
@@ -132,6 +174,7 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Bad = "refuse"
         suffix: suffix of the format, such as ".ply".
         name: name of the file, for messages.
         bad: as in `read_cloud`.
+        columns: as in `read_cloud`.
 
     Raises:
         UserError: as `read_cloud`.
@@ -139,11 +182,11 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Bad = "refuse"
     Warns:
         PcsrWarning: the file was read in part, or its meaning was guessed.
     """
-    cloud = _decoded(data, suffix, name, CLOUD_READERS)
+    _check_columns(columns, suffix, name)
+    cloud = _decoded(data, suffix, name, CLOUD_READERS if columns is None else _with_columns(columns))
     if not len(cloud):
         raise UserError(f"{name} holds no points")
-    for note in cloud.about.get("notes", ()):
-        warnings.warn(f"{name}: {note}", PcsrWarning, stacklevel=3)
+    _warn(cloud, name)
     if bad == "drop":
         finite = np.isfinite(cloud.points).all(axis=1)
         dropped = len(cloud) - int(finite.sum())
@@ -214,18 +257,31 @@ def cloud_bytes(cloud: Cloud, suffix: str, *, bad: Bad = "refuse") -> bytes:
     return _encoded(cloud, suffix, f"the {suffix} cloud", bad)
 
 
-def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
+def read_points(path: Path, *, columns: str | Sequence[str] | None = None) -> Float[np.ndarray, "n 3"]:
     """Read the points of a file, in its frame and unit. The suffix sets the format.
 
-    Lines of text hold three numbers or more, separated by white space or commas. Lines that start with # or // are
-    comments. The first line may hold names; if x, y and z are among them, these columns are read.
+    Lines of text hold three numbers or more. Lines that start with #, // or % are comments. The first lines may name
+    the columns, in a comment too; if x, y and z are among them, these columns are read.
+
+    Args:
+        path: path of the file.
+        columns: names of the columns of a text file, as in `read_cloud`; other files are read without them.
 
     Raises:
         UserError: the file does not exist, has an unknown suffix, is damaged, holds no points, or holds points that
             are not finite.
+
+    Warns:
+        PcsrWarning: the meaning of a text file was guessed.
     """
-    _by_suffix(path.suffix, READERS, str(path))
-    return _checked(_decoded(_content(path, path.suffix), path.suffix, str(path), READERS), str(path))
+    suffix, name = path.suffix.lower(), str(path)
+    _by_suffix(suffix, READERS, name)
+    data = _content(path, suffix)
+    if suffix not in TEXT_READERS:
+        return _checked(_decoded(data, suffix, name, READERS), name)
+    cloud = _decoded(data, suffix, name, _with_columns(columns, all_columns=False))
+    _warn(cloud, name)
+    return _checked(cloud.points, name)
 
 
 def write_points(path: Path, points: Float[np.ndarray, "n 3"]) -> None:
@@ -247,6 +303,25 @@ def _write_bytes(part: Path, data: bytes) -> None:
 def _content(path: Path, suffix: str) -> bytes:
     check = partial(check_start, suffix=suffix, name=str(path))
     return read_bytes(path, memory=_memory(suffix), check=check)
+
+
+def _warn(cloud: Cloud, name: str) -> None:
+    """Warn of what a reader left out or guessed."""
+    for note in cloud.about.get("notes", ()):
+        warnings.warn(f"{name}: {note}", PcsrWarning, stacklevel=4)
+
+
+def _with_columns(columns: str | Sequence[str] | None, **options: bool) -> dict[str, Callable[[bytes], Cloud]]:
+    """Return the readers of text for given names of columns."""
+    return {suffix: partial(read, columns=columns, **options) for suffix, read in TEXT_READERS.items()}
+
+
+def _check_columns(columns: str | Sequence[str] | None, suffix: str, name: str) -> None:
+    if columns is not None and suffix.lower() not in TEXT_READERS:
+        raise UserError(
+            f"{name} is a {suffix} file, whose columns have names or places of their own: --columns is for "
+            f"{', '.join(sorted(TEXT_READERS))}"
+        )
 
 
 def _memory(suffix: str) -> float:

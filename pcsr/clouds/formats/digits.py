@@ -2,9 +2,11 @@
 
 import warnings
 from io import StringIO
+from itertools import islice
 
 import numpy as np
 
+from pcsr.clouds.formats.missing import is_number, number
 from pcsr.errors import UserError
 from pcsr.limits import LONGEST_LINE
 
@@ -51,18 +53,24 @@ def load_rows(text: str, count: int | None = None) -> np.ndarray:
         warnings.simplefilter("ignore", UserWarning)  # of no rows and of empty lines
         try:
             return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
-        except ValueError as error:
-            raise UserError(f"its rows of numbers cannot be read: {_explanation(text, str(error))}") from error
+        except ValueError:  # 1.#QNAN and the like are left to Python
+            return _load_spelled(text, count)
 
 
-def _explanation(text: str, reason: str) -> str:
-    """Return the first row that differs in length from the first one; `reason` if there is none."""
-    rows = (line.split() for line in text.splitlines())
-    first = next((row for row in rows if row), [])
-    for number, row in enumerate((row for row in rows if row), 2):
-        if len(row) != len(first):
-            return f"row {number} has {len(row)} numbers and the first has {len(first)}: it is cut off or damaged"
-    return reason
+def _load_spelled(text: str, count: int | None) -> np.ndarray:
+    """Read rows as `load_rows` does, with every spelling of numbers that are not finite."""
+    rows = list(islice((row for row in map(str.split, text.splitlines()) if row), count))
+    for at, row in enumerate(rows, 1):
+        if len(row) != len(rows[0]):
+            raise UserError(
+                f"its rows of numbers cannot be read: row {at} has {len(row)} numbers and the first has "
+                f"{len(rows[0])}: it is cut off or damaged"
+            )
+        for word in row:
+            if not is_number(word):
+                remedy = "write decimal points, not commas" if "," in word else "it is damaged"
+                raise UserError(f"its rows of numbers cannot be read: '{word[:80]}' in row {at} is no number: {remedy}")
+    return np.array([list(map(number, row)) for row in rows], np.float64)
 
 
 def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:

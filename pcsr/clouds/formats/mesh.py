@@ -4,14 +4,16 @@ import logging
 import re
 import warnings
 from io import BytesIO
+from itertools import compress
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOURS, NORMALS, spread
 from pcsr.clouds.formats.digits import check_lines, load_rows, words
+from pcsr.clouds.formats.encodings import as_utf8
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
 
@@ -20,32 +22,64 @@ MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 """Suffixes of mesh files."""
 MEMORY = 11.0
 """Peak memory of reading a mesh, relative to the size of the file."""
+VERTEX = re.compile(r"^[ \t]*v[ \t]+([^\r\n#]*(?:(?<=1\.)#[^\r\n#]*)*)", re.MULTILINE)
+"""Numbers of a vertex, 1.#QNAN among them, ahead of a comment."""
 NORMAL_OF_CORNER = re.compile(r"(?<=\s)(-?\d+)/\d*/(-?\d+)")
 OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
 
 
 def read_obj(data: bytes) -> Cloud:
-    """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order."""
+    """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order.
+
+    Vertices without a colour are black if others have one.
+    """
     check_lines(data)
-    text = data.decode("utf-8-sig", "surrogateescape")
-    rows = load_rows("\n".join(re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
-    if not len(rows):
-        raise UserError("it holds no points")
-    if rows.shape[1] not in (3, 4, 6, 7):
-        raise UserError(f"its vertices have {rows.shape[1]} numbers each: 3 are needed, 6 or 7 with colours")
-    columns = _named(COLOURS, rows[:, 3:]) if rows.shape[1] > 4 else {}  # the last of four numbers is a weight
+    text = as_utf8(data)[0].decode("utf-8", "surrogatepass")
+    rows, coloured = _vertices(VERTEX.findall(text))
+    columns = _named(COLOURS, rows[:, 3:]) if coloured.any() else {}
+    notes = []
+    if columns and not coloured.all():
+        notes.append(f"{(~coloured).sum()} of {len(rows)} vertices have no colour and became black")
     normals = load_rows("\n".join(re.findall(r"^[ \t]*vn[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
     # Faces may use different normals for one vertex, which then has none.
     own = all(vertex == normal for vertex, normal in NORMAL_OF_CORNER.findall(text))
     if normals.shape == (len(rows), 3) and own:
         columns |= _named(NORMALS, normals)
-    return Cloud(np.ascontiguousarray(rows[:, :3]), columns)
+    return Cloud(np.ascontiguousarray(rows[:, :3]), columns, {"notes": tuple(notes)} if notes else {})
+
+
+def _vertices(lines: list[str]) -> tuple[Float[np.ndarray, "n c"], Bool[np.ndarray, " n"]]:
+    """Return coordinates with colours, which are 0 where a vertex has none; and which vertices have one.
+
+    Empties the list of lines.
+
+    Raises:
+        UserError: there are no vertices, or one has neither 3 or 4 nor 6 or 7 numbers.
+    """
+    widths = np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))
+    if not widths.any():
+        raise UserError("it holds no points")
+    if len(odd := np.flatnonzero(~np.isin(widths, (3, 4, 6, 7)))):
+        raise UserError(
+            f"vertex {odd[0] + 1} has {widths[odd[0]]} numbers: 3 are needed, 6 or 7 with colours; it is cut off or "
+            f"damaged"
+        )
+    coloured = widths > 4
+    # Of four numbers the last is a weight. Alpha is read if all colours have it.
+    channels = int(widths[coloured].min()) - 3 if coloured.any() else 0
+    rows = np.zeros((len(lines), 3 + channels))
+    texts = {int(width): "\n".join(compress(lines, widths == width)) for width in np.unique(widths)}
+    lines.clear()  # saves a quarter of the memory
+    for width, text in texts.items():
+        kept = 3 + channels if width > 4 else 3
+        rows[widths == width, :kept] = load_rows(text)[:, :kept]
+    return rows, coloured
 
 
 def read_off(data: bytes) -> Cloud:
     """Read the vertices of an OFF file, with the normals of NOFF and the colours of COFF."""
     check_lines(data)
-    text = re.sub(r"#.*", "", data.decode("utf-8-sig"))
+    text = re.sub(r"(?<!1\.)#.*", "", as_utf8(data)[0].decode("utf-8", "surrogatepass"))
     header = OFF_HEADER.match(text)
     if not header:
         raise UserError("it does not begin with 'OFF', or is binary: convert it to text")

@@ -142,8 +142,11 @@ def test_normals_stay_upright_where_a_scene_is_stretched_and_turned(tmp_path):
     ("suffix", "text", "reason"),
     [
         (".obj", "o thing\n", "holds no points"),
-        (".obj", "v 1 2\n", "have 2 numbers each: 3 are needed"),
-        (".obj", "v 1 2 x\n", "rows of numbers cannot be read"),
+        (".obj", "v 1 2\n", "vertex 1 has 2 numbers: 3 are needed"),
+        (".obj", "v 1 2 3\nv 1 2 3 0 0\n", "vertex 2 has 5 numbers: 3 are needed, 6 or 7 with colours"),
+        (".obj", "v 1 2 x\n", "rows of numbers cannot be read: 'x' in row 1 is no number: it is damaged"),
+        (".obj", "v 1,5 2 3\n", "'1,5' in row 1 is no number: write decimal points, not commas"),
+        (".off", "OFF\n1 0 0\n1,5 2 3\n", "'1,5' in row 1 is no number: write decimal points, not commas"),
         (".obj", "v 1 2 3\nv 1 2 nan\n", "1 of 2 points"),
         (".off", "noise", "does not begin with 'OFF'"),
         (".off", "OFF BINARY\n1 2 3\n", "does not begin with 'OFF', or is binary"),

@@ -141,7 +141,10 @@ def header(*lines, count=1):
         (header("property float x", "end_header", "1 2 3 4"), "two properties of its vertices have the same name"),
         (header("end_header", "1 2"), "have 2 numbers each, at least 3 are needed"),
         (header("end_header", "1 2 3 4"), "have 4 numbers each, 3 are needed"),
-        (header("end_header", "1 2 three"), "rows of numbers cannot be read: could not convert string 'three'"),
+        (
+            header("end_header", "1 2 three"),
+            "rows of numbers cannot be read: 'three' in row 1 is no number: it is damaged",
+        ),
         (header("property uchar red", "end_header", "1 2 3 256"), "'red' holds 256.0 at point 0, which is no uint8"),
         (header("property int id", "end_header", "1 2 3 nan"), "'id' holds nan at point 0, which is no int32"),
         (header("end_header", "1 2 3", count=10**15), "cut off: 1 of its 1000000000000000 points"),
