@@ -129,18 +129,28 @@ class Model:
         touched = _touched(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
-            new = densify(cloud, wanted, source, touches=touched, keep=keep, pool=workers, advance=advance)
+            new = densify(
+                cloud,
+                wanted,
+                source,
+                touches=touched,
+                normals=screened.normals,
+                keep=keep,
+                pool=workers,
+                advance=advance,
+            )
         dense = screened.cloud.with_new(scaled(new, power), keep=keep, used=screened.used)
         return given.restore(dense.with_source(_sources(new, touched)) if "source" in fields else dense)
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:
             return Midpoints()
+        source = Networked.of(self.network, self.recipe)
         if alone:
-            return Networked.of(self.network, self.recipe)
+            return source
         if self.path is None:
             raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
-        return Stored(self.path.resolve(), self.plugins, self.recipe.network_points, self.recipe.network_rate)
+        return Stored(self.path.resolve(), self.plugins, source.size, source.rate, source.any_rate)
 
 
 def load(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from pcsr.clouds.carry import carry
-from pcsr.clouds.columns import unused
+from pcsr.clouds.columns import normal_groups, unused
 from pcsr.errors import UserError
 
 SCANNED, MADE, TOUCHED = 0, 1, 2
@@ -46,6 +46,17 @@ class Cloud:
     def chosen(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "Cloud":
         """Return the cloud of the rows with these indices, in their order, or of those where a mask is True."""
         return Cloud(self.points[rows], {name: column[rows] for name, column in self.columns.items()}, self.about)
+
+    @property
+    def normals(self) -> Float64[np.ndarray, "n 3"] | None:
+        """The unit normals, by the names of the columns; 0 where there is none. None for a cloud without normals."""
+        groups = normal_groups(self.columns)
+        if not groups:
+            return None
+        normals = np.column_stack([self.columns[name] for name in groups[0]]).astype(np.float64)
+        normals[~np.isfinite(normals).all(1)] = 0
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
     def with_new(
         self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True, used: Bool[np.ndarray, " n"] | None = None

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pcsr.contracts import TouchBatch
+from pcsr.contracts import TouchBatch, Trait
 from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.load import load_weights
@@ -32,10 +32,18 @@ class Candidates:
     size: int
     """Number of points of a patch."""
     rate: int
-    """Number of candidates for each point of a patch."""
+    """Number of candidates for each point of a patch, unless any number can be generated."""
+    any_rate: bool
+    """Whether any number of candidates can be generated for each point."""
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
-        """Generate candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere."""
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
+        """Generate candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere.
+
+        Args:
+            points: the patch, (n 3).
+            touches: touched points near the patch, (m 3) for each touch.
+            rate: candidates for each point: the source's own `rate`, or another one if it has `any_rate`.
+        """
         raise NotImplementedError
 
 
@@ -45,10 +53,11 @@ class Midpoints(Candidates):
 
     size: int = 512
     rate: int = 16
+    any_rate: bool = True
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
         """Return midpoints of neighbours; touches are ignored."""
-        return midpoint(points, self.rate, passes=2)
+        return midpoint(points, rate, passes=2)
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,7 @@ class Networked(Candidates):
     network: Network
     size: int
     rate: int
+    any_rate: bool
     most_touches: int
     """Largest number of touches in training. If there are more, the nearest are used."""
     touch_points: int
@@ -67,11 +77,16 @@ class Networked(Candidates):
     def of(cls, network: Network, recipe: Recipe) -> "Networked":
         """Create the source from a network and the recipe that it was trained with."""
         return cls(
-            network, recipe.network_points, recipe.network_rate, recipe.most_touches, _touch_points(recipe.data.touch)
+            network,
+            recipe.network_points,
+            recipe.network_rate,
+            Trait.ANY_RATE in network.upsampler.traits,
+            recipe.most_touches,
+            _touch_points(recipe.data.touch),
         )
 
     @torch.inference_mode()
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
         """Return all points that the network generates, before thinning, since `densify` chooses among them.
 
         Raises:
@@ -84,7 +99,7 @@ class Networked(Candidates):
 
         resampled = self._resampled(touches)
         batch = TouchBatch.of(torch.stack([tensor(touch) for touch in resampled])[None]) if resampled else None
-        dense = self.network.candidates(tensor(points)[None], self.rate, batch)[0].float().cpu().numpy()
+        dense = self.network.candidates(tensor(points)[None], rate, batch)[0].float().cpu().numpy()
         check_finite(dense)
         candidates: CloudArray = dense.astype(np.float64)
         return candidates
@@ -115,10 +130,11 @@ class Stored(Candidates):
     plugins: tuple[Path, ...]
     size: int
     rate: int
+    any_rate: bool
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray]) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
         """Return the candidates of `Networked`; each process reads the file once."""
-        return _loaded(self.path, self.plugins)(points, touches)
+        return _loaded(self.path, self.plugins)(points, touches, rate)
 
 
 @functools.lru_cache(maxsize=2)

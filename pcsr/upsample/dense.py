@@ -8,22 +8,25 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.geometry.checks import check_cloud
-from pcsr.geometry.frames import OwnFrame
 from pcsr.geometry.patches import patches
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
-from pcsr.upsample.gaps import between, spread_out, within_reach
+from pcsr.upsample.patch import Task, fill
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
 
 FEWEST = 16
 """Smallest number of points of a cloud."""
+GROWTH = 4.0
+"""Largest growth of the cloud in one pass, if the source generates any number of candidates."""
+RATE, LAST_RATE = 4, 8
+"""Candidates for each point then: few, which lie well, before the last pass; many to choose from in the last."""
 GAP = 2.0
 """A touched point closer to the cloud than `GAP` local spacings lies in a gap of the cloud, and needs no warning."""
 ALONE = WorkerPool(None, 1)
@@ -31,13 +34,16 @@ ALONE = WorkerPool(None, 1)
 
 
 @dataclass(frozen=True)
-class Task:
-    """One patch, and the number of new points of its core."""
+class Pass:
+    """One pass over a cloud."""
 
-    points: CloudArray
-    core: int
-    touches: list[CloudArray]
-    count: int
+    new: int
+    """Number of new points."""
+    fixed: int
+    """Number of points, at the beginning of the cloud, that are fixed. The others are candidates."""
+    rate: int
+    """Candidates for each point."""
+    first: bool
 
 
 @threads(1)
@@ -47,13 +53,17 @@ def densify(
     source: Candidates,
     *,
     touches: Sequence[CloudArray] = (),
+    normals: Float[np.ndarray, "n 3"] | None = None,
     keep: bool = True,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Float[np.ndarray, "new 3"]:
     """Generate the points that complete a cloud to `count` points.
 
-    Patches are processed independently. Among the candidates near its core, each patch chooses those that fill the gaps
+    The cloud grows in passes, each by at most `GROWTH` or the rate of the source. Those before the last make it even;
+    their points are candidates of the last pass, as those of the source are.
+
+    In a pass, patches are processed independently. Among the candidates near its core, each patch chooses those that fill the gaps
     best. A core gets new points in proportion to its own number of points, so that relative densities are preserved.
     Touched points in regions without cloud points are subsampled to the cloud's density and added to the cloud.
 
@@ -62,6 +72,8 @@ def densify(
         count: number of points of the result: old and new ones if `keep`, otherwise new ones alone.
         source: generates the candidates.
         touches: touched points, one array for each touch, in the frame and unit of `points`.
+        normals: unit normals of the points, of either sign; 0 where there is none. They tell the two sheets of a thin
+            plate apart.
         keep: whether the old points are part of the result.
         pool: processes that work on the patches.
         advance: called after each patch with the number of points processed and the number of all points.
@@ -92,16 +104,25 @@ def densify(
         _warn_of_unseen(cloud, touched, new)
         parts = [touched[:new]]
         cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
-    while new > source.rate * n:
-        # The fewest passes that reach the count, all with the same rate.
-        passes = math.ceil(math.log(new / n + 1) / math.log(source.rate + 1))
-        step = round(n * (new / n + 1) ** (1 / passes)) - n
-        added = _one_pass(cloud, step, source, touches, True, pool, advance)
-        if keep:
-            parts.append(added)
-        cloud, n, new = np.concatenate([cloud, added]), n + step, new - (step if keep else 0)
-    parts.append(_one_pass(cloud, new, source, touches, keep, pool, advance))
+    if normals is None:
+        normals = np.zeros((n, 3))
+    one_pass = functools.partial(_one_pass, source=source, touches=touches, pool=pool, advance=advance)
+    start, growth = n, (n + new if keep else new) / n
+    count = _passes(growth, source, keep)
+    for number in range(1, count):
+        step = round(start * growth ** (number / count)) - n
+        rate = RATE if source.any_rate else source.rate
+        added = one_pass(cloud, normals, Pass(step, n, rate, first=number == 1))
+        cloud, n = np.concatenate([cloud, added]), n + step
+    rate = LAST_RATE if source.any_rate else source.rate
+    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate, first=count == 1)))
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+
+def _passes(growth: float, source: Candidates, keep: bool) -> int:
+    """Return the number of passes: the fewest with which none exceeds the growth that suits the source."""
+    most = GROWTH if source.any_rate else source.rate + keep
+    return max(1, math.ceil(math.log(growth) / math.log(most) - 1e-9))
 
 
 def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
@@ -122,18 +143,17 @@ def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
 
 def _one_pass(
     cloud: CloudArray,
-    new: int,
+    normals: CloudArray,
+    plan: Pass,
     source: Candidates,
     touches: Sequence[CloudArray],
-    keep: bool,
     pool: WorkerPool,
     advance: Callable[[int, int], None],
 ) -> CloudArray:
     done = at = 0
-    added = np.zeros((new, 3))
-    work = functools.partial(_fill, source, keep)
+    added = np.zeros((plan.new, 3))
     cores: deque[int] = deque()
-    for filled in pool.map(work, _tasks(cloud, new, source, touches, cores)):
+    for filled in pool.map(functools.partial(fill, source), _tasks(cloud, normals, plan, source, touches, cores)):
         added[at : at + len(filled)] = filled
         at += len(filled)
         done += cores.popleft()
@@ -142,16 +162,25 @@ def _one_pass(
 
 
 def _tasks(
-    cloud: CloudArray, new: int, source: Candidates, touches: Sequence[CloudArray], cores: deque[int]
+    cloud: CloudArray,
+    normals: CloudArray,
+    plan: Pass,
+    source: Candidates,
+    touches: Sequence[CloudArray],
+    cores: deque[int],
 ) -> Iterator[Task]:
     before = 0
     for patch in patches(cloud, source.size, source.size // 2):
         points = cloud[patch.rows]
-        share = (before + patch.core) * new // len(cloud) - before * new // len(cloud)
+        share = (before + patch.core) * plan.new // len(cloud) - before * plan.new // len(cloud)
         before += patch.core
         cores.append(patch.core)
         nearby = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
-        yield Task(points, patch.core, nearby, share)
+        around = np.zeros((len(points), 3))
+        known = patch.rows < len(normals)
+        around[known] = normals[patch.rows[known]]
+        fixed = patch.rows < plan.fixed
+        yield Task(points, patch.core, fixed, around, nearby, share, plan.rate, plan.first)
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:
@@ -160,25 +189,3 @@ def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[C
     radius = np.linalg.norm(points - centre, axis=1).max()
     inside = [touch[np.linalg.norm(touch - centre, axis=1) <= radius] for touch in touches]
     return [touch for touch in inside if len(touch)]
-
-
-@threads(1)  # a Dask worker sets its own number of threads
-def _fill(source: Candidates, keep: bool, task: Task) -> CloudArray:
-    """Generate the new points of a patch's core, in the patch's own frame."""
-    if task.count == 0:
-        return np.zeros((0, 3))
-    frame = OwnFrame.of(task.points)
-    points = frame.normalize(task.points)
-    order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
-    points = points[order]
-    candidates = source(points, [frame.normalize(touch) for touch in task.touches])
-    valid, distance, nearest = within_reach(candidates, points)
-    candidates, distance, in_core = candidates[valid], distance[valid], nearest[valid] < task.core
-    chosen = candidates[spread_out(candidates, distance if keep else None, in_core, task.count)]
-    missing = between(points, task.core, task.count - len(chosen))
-    return frame.denormalize(np.concatenate([chosen, missing]))
-
-
-def _sorted(points: CloudArray) -> Int[np.ndarray, " n"]:
-    """Return the lexicographic order of points."""
-    return np.lexsort(points.T)

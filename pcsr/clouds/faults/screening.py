@@ -30,6 +30,12 @@ class ScreenedCloud:
         """The points that computations use."""
         return self.cloud.points if self.used.all() else self.cloud.points[self.used]
 
+    @property
+    def normals(self) -> Float64[np.ndarray, "m 3"] | None:
+        """The unit normals of these points; see `Cloud.normals`."""
+        normals = self.cloud.normals
+        return None if normals is None else normals[self.used]
+
     def without_kept(self, dense: Cloud) -> Cloud:
         """Return the used and new points of an upsampled cloud, which begins with the points of `cloud`."""
         if self.used.all():

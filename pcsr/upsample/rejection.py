@@ -1,0 +1,73 @@
+"""Rejection of candidates that are likely off the surface, or too many around stray points."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+AGREEING = 20
+"""The distance to the candidate of this rank tells how many others agree with a candidate."""
+LONELY = 0.02
+"""Share of the candidates that is rejected, those that fewest others agree with."""
+PLANES = 8
+"""Number of nearest points whose tangent planes a candidate is compared with."""
+HEIGHT = 0.2
+"""Largest distance of a candidate to the closest of these planes, in spacings."""
+
+
+def loneliness(
+    candidates: Float[np.ndarray, "c 3"], unit: Float[np.ndarray, " c"]
+) -> Float[np.ndarray, " c"]:
+    """Compute the distance of each candidate to the one of rank `AGREEING`, in local spacings.
+
+    Candidates that several points of the cloud generate at about the same place lie on the surface more likely.
+
+    Args:
+        candidates: (c 3), in any frame.
+        unit: the spacing of the cloud near each candidate, (c).
+    """
+    distance = cKDTree(candidates).query(candidates, k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
+    return np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
+
+
+def agreed(lonely: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
+    """Return all but the share `LONELY` of the candidates with the largest loneliness."""
+    kept: Bool[np.ndarray, " c"] = lonely <= np.quantile(lonely, 1 - LONELY)
+    return kept
+
+
+def few_each(
+    nearest: Int[np.ndarray, " c"], capped: Bool[np.ndarray, " n"], most: int, lonely: Float[np.ndarray, " c"]
+) -> Bool[np.ndarray, " c"]:
+    """Return which candidates remain if some points may have no more than `most` each, the least lonely.
+
+    Args:
+        nearest: index of the point nearest to each candidate, (c).
+        capped: which points may have no more than `most`, (n).
+        most: largest number of candidates of such a point.
+        lonely: of each candidate, (c).
+    """
+    order = np.lexsort((lonely, nearest))
+    first = np.searchsorted(nearest[order], nearest[order])
+    rank = np.empty(len(nearest), np.int64)
+    rank[order] = np.arange(len(nearest)) - first
+    return ~capped[nearest] | (rank < most)
+
+
+def on_planes(
+    candidates: Float[np.ndarray, "c 3"],
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    unit: Float[np.ndarray, " n"],
+) -> Bool[np.ndarray, " c"]:
+    """Return which candidates are near the tangent plane of one of the nearest points; between two sheets there is none.
+
+    Args:
+        candidates: (c 3), in the frame of the points.
+        points: the points with normals, (n 3).
+        normals: unit normals of either sign, (n 3).
+        unit: the local spacing at each point, (n).
+    """
+    index = cKDTree(points).query(candidates, k=range(1, min(PLANES, len(points)) + 1))[1]
+    heights = np.abs(((candidates[:, None] - points[index]) * normals[index]).sum(-1)).min(1)
+    near: Bool[np.ndarray, " c"] = heights <= HEIGHT * unit[index[:, 0]]
+    return near

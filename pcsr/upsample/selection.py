@@ -1,0 +1,96 @@
+"""Selection of new points among many candidates: those that fill the gaps of a cloud, in proportion to its density."""
+
+import math
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+SMOOTHED = 32
+"""Number of points over which the spacing is averaged for the density pattern."""
+CHANCE = 0.1
+"""Standard deviation of the logarithm of this average that random sampling causes. A cloud with less is even."""
+PATTERN = 0.2
+"""Standard deviation from which on the density pattern is preserved wholly."""
+SLACK = 1.0001
+"""Factor on the width of the slab in which `spread_out` updates distances; it covers rounding errors."""
+
+
+def pattern(points: Float[np.ndarray, "n 3"], unit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Compute the lengths in which new points near each point are to be equally far apart, up to a common factor.
+
+    All are 1 if the spacing varies no more than that of random points. Otherwise they follow its average over the
+    nearest points, so that dense regions stay denser by the same factor.
+
+    Args:
+        points: the cloud, (n 3).
+        unit: the local spacing at each point, (n).
+    """
+    nearest = cKDTree(points).query(points, k=min(SMOOTHED, len(points)))[1]
+    logarithm = np.log(np.maximum(unit, np.finfo(float).tiny))[nearest].mean(1)
+    share = np.clip((logarithm.std() - CHANCE) / (PATTERN - CHANCE), 0, 1)
+    lengths: Float[np.ndarray, " n"] = np.exp(share * (logarithm - logarithm.mean()))
+    return lengths
+
+
+def spread_out(
+    candidates: Float[np.ndarray, "c 3"],
+    distance: Float[np.ndarray, " c"] | None,
+    core: Bool[np.ndarray, " c"],
+    count: int,
+    lengths: Float[np.ndarray, " c"] | None = None,
+) -> Int[np.ndarray, " chosen"]:
+    """Choose candidates by farthest point sampling from existing points, until `count` of the core are chosen.
+
+    Candidates of neighbouring patches compete but do not count towards `count`; otherwise points pile up at the borders
+    of patches. Of equally far candidates the first along x is chosen.
+
+    No candidate is farther from the chosen points than the one that is chosen next. Choosing it thus changes
+    no distance of candidates that differ from it by more than that along x, and only the slab in between is updated.
+
+    Args:
+        candidates: (c 3), in any frame; fastest where they extend farthest along x. Differences are computed in single
+            precision.
+        distance: of each candidate to the nearest existing point, (c). None: there are no points, and the candidate
+            farthest from the centre is chosen first.
+        core: whether a candidate belongs to the core of its patch, (c).
+        count: number of candidates of the core to choose.
+        lengths: unit of each candidate's distances, (c), positive; 1 by default.
+
+    Returns:
+        Indices of the chosen candidates of the core: `count` of them, or all if there are fewer.
+    """
+    count = min(count, int(core.sum()))
+    if count == 0:
+        return np.zeros(0, np.int64)
+    along = np.argsort(candidates[:, 0], kind="stable")
+    sorted_ones = candidates[along]
+    axes = np.ascontiguousarray((sorted_ones - sorted_ones.mean(0)).T, np.float32)
+    x, in_core = axes[0].tolist(), core[along].tolist()
+    longest = 1.0 if lengths is None else float(lengths.max())
+    inverse = None if lengths is None else (lengths[along] ** -2).astype(np.float32)
+    if distance is None:
+        squared = np.full(len(along), np.inf, np.float32)
+        last = int(np.square(axes).sum(0).argmax())
+    else:
+        squared = np.square(distance[along]).astype(np.float32)
+        if inverse is not None:
+            squared *= inverse
+        last = int(squared.argmax())
+    chosen: list[int] = []
+    while True:
+        if in_core[last]:
+            chosen.append(last)
+            if len(chosen) == count:
+                return along[chosen]
+        reach = SLACK * longest * math.sqrt(squared[last])
+        slab = slice(bisect_left(x, x[last] - reach), bisect_right(x, x[last] + reach))
+        away = axes[:, slab] - axes[:, last, None]
+        away *= away
+        away = away[0] + away[1] + away[2]
+        if inverse is not None:
+            away *= inverse[slab]
+        np.minimum(squared[slab], away, out=squared[slab])
+        squared[last] = -1  # not chosen again, even if all other candidates coincide with chosen ones
+        last = int(squared.argmax())
