@@ -56,7 +56,8 @@ class Cloud:
         normals = np.column_stack([self.columns[name] for name in groups[0]]).astype(np.float64)
         normals[~np.isfinite(normals).all(1)] = 0
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+        unit: Float64[np.ndarray, "n 3"] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+        return unit
 
     def with_new(
         self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True, used: Bool[np.ndarray, " n"] | None = None

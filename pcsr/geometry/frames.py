@@ -11,6 +11,9 @@ from pcsr.geometry.magnitude import exponent, scaled
 
 SMALLEST, LARGEST = 1e-300, 1e307
 """Range of radii by which doubles can be divided and multiplied without overflow or loss of precision."""
+MOST_RADIUS = 3.0
+"""Largest radius of a principal-axes frame, in median distances from the centroid. Clouds without stray points are
+smaller: the radius of a line is 2."""
 DIGITS = 7
 """Decimals of coordinates in a principal-axes frame, about the precision of float32."""
 
@@ -71,9 +74,14 @@ class OwnFrame:
 
     @classmethod
     def of(cls, points: Float[np.ndarray, "n 3"]) -> "OwnFrame":
-        """Compute the frame around the centroid, with the farthest point on the unit sphere."""
+        """Compute the frame around the centroid, with the farthest point on the unit sphere.
+
+        A few points that are far from all others lie outside: the radius is at most `MOST_RADIUS` median distances.
+        """
         centre = points.mean(0)
-        radius = float(np.linalg.norm(points - centre, axis=1).max())
+        distance = np.linalg.norm(points - centre, axis=1)
+        median = float(np.median(distance))
+        radius = min(float(distance.max()), MOST_RADIUS * median) if median > 0 else float(distance.max())
         return cls(centre, principal_axes(points), radius or 1.0)
 
     def normalize(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:

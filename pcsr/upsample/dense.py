@@ -63,8 +63,9 @@ def densify(
     The cloud grows in passes, each by at most `GROWTH` or the rate of the source. Those before the last make it even;
     their points are candidates of the last pass, as those of the source are.
 
-    In a pass, patches are processed independently. Among the candidates near its core, each patch chooses those that fill the gaps
-    best. A core gets new points in proportion to its own number of points, so that relative densities are preserved.
+    In a pass, patches are processed independently. Among the candidates near its core, each patch chooses those that
+    fill the gaps best. A core gets new points in proportion to its own number of points, so that relative densities are
+    preserved.
     Touched points in regions without cloud points are subsampled to the cloud's density and added to the cloud.
 
     Args:

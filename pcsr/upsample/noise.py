@@ -6,6 +6,7 @@ where the neighbourhood is flat; elsewhere they may be details that the cloud is
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,13 +16,13 @@ AROUND = 16
 """Number of points that a quadric is fitted to."""
 TERMS = 6
 """Number of coefficients of a quadric."""
-LITTLE, MUCH = 0.08, 0.16
-"""Levels of noise, in spacings: up to the first new points stay where they are, from the second on they are displaced
-wholly."""
-ALIKE, UNLIKE = 1.5, 1.8
-FLAT, BENT = 0.05, 0.09
-"""Ratios of the smallest to the largest variance of a neighbourhood: noise is told from details up to the first, and
-not at all from the second on."""
+NONE, ALL = (0.08, 1.8, 0.09), (0.16, 1.5, 0.05)
+"""Evidence of noise from which on new points begin to be displaced, and with which they are displaced wholly.
+
+It is the lower quartile of the residuals in spacings, the ratio of the upper to the lower quartile, and the median
+flatness. Details that a cloud is too sparse for leave residuals too, but of different sizes, and where neighbourhoods
+are not flat.
+"""
 RIDGE = 1e-6
 """Weight of small coefficients, in squared spacings, which makes fits to collinear points possible."""
 
@@ -62,26 +63,32 @@ class Quadrics:
         flatness = np.divide(variances[:, 0], variances[:, 2], out=np.ones(len(points)), where=variances[:, 2] > 0)
         return cls(points, unit, axes, coefficients[..., 0], residual, flatness)
 
-    def level(self) -> float:
-        """Return the level of noise, in spacings: the lower quartile of the residuals, for some regions are detailed."""
-        return float(np.quantile(self.residual, 0.25))
-
-    def evenness(self) -> float:
-        low, high = np.quantile(self.residual, [.25, .75])
-        return float(high / low) if low > 0 else np.inf
+    def noisy(self) -> float:
+        """Return how certain it is that the residuals are noise: 0 for a cloud without noise, or too sparse to tell."""
+        lower, upper = np.quantile(self.residual, [0.25, 0.75])
+        evidence = lower, upper / lower if lower > 0 else np.inf, np.median(self.flatness)
+        return float(np.prod([_share(value, *bounds) for value, *bounds in zip(evidence, NONE, ALL, strict=True)]))
 
     def displaced(self, new: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
-        """Return new points displaced onto the quadric of the nearest point, as far as there is noise."""
-        share = np.clip((self.level() - LITTLE) / (MUCH - LITTLE), 0, 1) * np.clip((UNLIKE - self.evenness()) / (UNLIKE - ALIKE), 0, 1) * np.clip((BENT - np.median(self.flatness)) / (BENT - FLAT), 0, 1)
-        if share == 0 or len(new) == 0:
+        """Return new points displaced towards the quadric of the nearest point, as far as there is noise.
+
+        Where the neighbourhood is not flat, as at edges, they stay.
+        """
+        certain = self.noisy()
+        if certain == 0 or len(new) == 0:
             return new
         nearest = cKDTree(self.points).query(new)[1]
-        share = share * np.clip((BENT - self.flatness[nearest]) / (BENT - FLAT), 0, 1)
+        share = certain * _share(self.flatness[nearest], NONE[2], ALL[2])
         axes, unit = self.axes[nearest], self.unit[nearest, None]
         local = ((new - self.points[nearest]) / unit)[:, None] @ axes
         height = (_terms(local)[:, 0] * self.coefficients[nearest]).sum(-1) - local[:, 0, 0]
         moved: Float[np.ndarray, "m 3"] = new + (share * height)[:, None] * unit * axes[..., 0]
         return moved
+
+
+def _share(value: Any, none: float, everything: float) -> Any:
+    """Return where a value lies on the way from `none` to `everything`, 0 to 1."""
+    return np.clip((value - none) / (everything - none), 0, 1)
 
 
 def _terms(local: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n k 6"]:

@@ -13,6 +13,7 @@ from pcsr.upsample.candidates import Candidates
 from pcsr.upsample.gaps import between, spacing, strays, within_reach
 from pcsr.upsample.noise import Quadrics
 from pcsr.upsample.rejection import agreed, few_each, loneliness, on_planes
+from pcsr.upsample.wires import chords, on_wires
 from pcsr.upsample.selection import pattern, spread_out
 
 
@@ -50,8 +51,13 @@ def fill(source: Candidates, task: Task) -> CloudArray:
     unit = spacing(points)
 
     candidates = source(points, [frame.normalize(touch) for touch in task.touches], task.rate)
+    wire = on_wires(points)
     close, _, nearest = within_reach(candidates, points, unit)
-    candidates, nearest = candidates[close], nearest[close]
+    close &= ~wire[nearest]
+    along = chords(points, wire)
+    also, _, of = within_reach(along, points, unit)
+    candidates = np.concatenate([along[also], candidates[close]])
+    nearest = np.concatenate([of[also], nearest[close]])
     kept = _kept(candidates, nearest, points, unit, normals, task)
     candidates = np.concatenate([points[~fixed], candidates[kept]])
     nearest = np.concatenate([np.flatnonzero(~fixed), nearest[kept]])

@@ -14,9 +14,7 @@ HEIGHT = 0.2
 """Largest distance of a candidate to the closest of these planes, in spacings."""
 
 
-def loneliness(
-    candidates: Float[np.ndarray, "c 3"], unit: Float[np.ndarray, " c"]
-) -> Float[np.ndarray, " c"]:
+def loneliness(candidates: Float[np.ndarray, "c 3"], unit: Float[np.ndarray, " c"]) -> Float[np.ndarray, " c"]:
     """Compute the distance of each candidate to the one of rank `AGREEING`, in local spacings.
 
     Candidates that several points of the cloud generate at about the same place lie on the surface more likely.
@@ -26,7 +24,8 @@ def loneliness(
         unit: the spacing of the cloud near each candidate, (c).
     """
     distance = cKDTree(candidates).query(candidates, k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
-    return np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
+    lonely: Float[np.ndarray, " c"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
+    return lonely
 
 
 def agreed(lonely: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
@@ -48,9 +47,10 @@ def few_each(
     """
     order = np.lexsort((lonely, nearest))
     first = np.searchsorted(nearest[order], nearest[order])
-    rank = np.empty(len(nearest), np.int64)
+    rank = np.zeros(len(nearest), np.int64)
     rank[order] = np.arange(len(nearest)) - first
-    return ~capped[nearest] | (rank < most)
+    kept: Bool[np.ndarray, " c"] = ~capped[nearest] | (rank < most)
+    return kept
 
 
 def on_planes(
@@ -59,7 +59,7 @@ def on_planes(
     normals: Float[np.ndarray, "n 3"],
     unit: Float[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " c"]:
-    """Return which candidates are near the tangent plane of one of the nearest points; between two sheets there is none.
+    """Return which candidates are near the tangent plane of a nearest point, as none between two sheets is.
 
     Args:
         candidates: (c 3), in the frame of the points.
