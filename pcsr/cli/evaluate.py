@@ -43,7 +43,8 @@ def evaluate(
 ) -> None:
     """Measure a cloud against the true one.
 
-    PREDICTION and TRUTH are files of clouds.
+    PREDICTION and TRUTH are files of clouds, in any format that `pcsr upsample` reads. A warning says so if one of them
+    is 5 times larger than the other or more, as in another unit.
     """
     from rich import box
     from rich.console import Console
@@ -53,9 +54,13 @@ def evaluate(
     from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics.one_cloud import evaluate as measure
     from pcsr.metrics.one_cloud import named, why_no_emd
+    from pcsr.metrics.units import warn_of_units
 
     clouds = read_points(prediction), read_points(truth)
     surface = None if mesh is None else read_mesh(mesh)
+    warn_of_units(clouds[0], str(prediction), clouds[1], str(truth))
+    if surface is not None:
+        warn_of_units(surface.vertices, str(mesh), clouds[1], str(truth))
     values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
         click.echo(f"skipped: {why}", err=True)

@@ -36,9 +36,9 @@ PIPE = Path("-")
 @click.option(
     "--format",
     "suffix",
-    default="ply",
-    show_default=True,
-    help="Format of pipes and of files without a suffix: ply, xyz, npy …",
+    default=None,
+    help="Format of IN, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …; and of a pipe OUT.  "
+    "[default: by the suffix; ply for pipes and files without]",
 )
 @click.option("--device", default="auto", show_default=True, help="Device: auto, cpu, cuda, cuda:1.")
 @jobs_option("Processes.  [default: all cores from 20,000 points on]")
@@ -62,7 +62,7 @@ def upsample(
     mesh: Path | None,
     replace: bool,
     bad: Literal["refuse", "drop"],
-    suffix: str,
+    suffix: str | None,
     device: str,
     jobs: int | None,
     scheduler: str | None,
@@ -79,7 +79,7 @@ def upsample(
 
     from rich.console import Console
 
-    from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
+    from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
     from pcsr.progress import progress_bars
 
     start = time.perf_counter()
@@ -89,15 +89,19 @@ def upsample(
         check_suffix(mesh)  # before the work, not after it
         open3d()
     console = Console(stderr=True, quiet=quiet)
-    kind = f".{suffix.lstrip('.')}"
-    writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
+    chosen = suffix or (".ply" if cloud == PIPE or cloud.suffix == "" else None)
+    kind = f".{(suffix or 'ply').lower().lstrip('.')}"
+    kind = kind if kind in CLOUD_WRITERS else ".ply"
+    target = out if out != PIPE else Path(f"pipe{kind}")
+    writable(target)  # before the work, not after it
     if out == PIPE:
         streams.open_output()
     given = (
-        read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad=bad)
+        read_cloud_pipe(streams.open_input(), chosen or ".ply", "the cloud from the pipe", bad=bad)
         if cloud == PIPE
-        else read_cloud(cloud, kind if cloud.suffix == "" else None, bad=bad)
+        else read_cloud(cloud, chosen, bad=bad)
     )
+    writable(target, given)
     if given.about.get("dropped"):
         console.print(f"{given.about['dropped']} points are not finite and were dropped", style="yellow")
     touches, recorded = [], 0

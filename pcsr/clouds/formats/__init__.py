@@ -1,79 +1,39 @@
-"""Readers and writers of cloud files: PLY, PCD, text, CSV, NumPy, LAS, and meshes, of which the vertices are read."""
+"""Reading and writing of cloud files: PLY, PCD, text, CSV, NumPy, LAS, E57, and meshes, of which the vertices are read."""
 
-import textwrap
 import warnings
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import arrays, las, mesh, pcd, ply, ply_writing, text
+from pcsr.clouds.formats import las, pcd
 from pcsr.clouds.formats.beginnings import check_start
-from pcsr.errors import PcsrWarning, UserError
+from pcsr.clouds.formats.table import CLOUD_READERS, CLOUD_WRITERS, NAMED_READERS, format_of, memory, reader, writer
+from pcsr.errors import PcsrWarning, RunError, UserError
 from pcsr.files import check_target, write_whole
 from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
-T = TypeVar("T")
-
-CLOUD_READERS: dict[str, Callable[[bytes], Cloud]] = {
-    ".ply": ply.read,
-    ".pcd": pcd.read,
-    ".xyz": text.read_xyz,
-    ".txt": text.read_xyz,
-    ".csv": text.read_csv,
-    ".npy": arrays.read_npy,
-    ".npz": arrays.read_npz,
-    ".obj": mesh.read_obj,
-    ".off": mesh.read_off,
-    ".stl": mesh.read_stl,
-    ".glb": mesh.read_glb,
-    ".las": las.read,
-    ".laz": las.read,
-}
-CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
-    ".ply": ply_writing.write,
-    ".pcd": pcd.write,
-    ".xyz": text.write_xyz,
-    ".txt": text.write_xyz,
-    ".csv": text.write_csv,
-    ".npy": arrays.write_npy,
-    ".npz": arrays.write_npz,
-    ".obj": mesh.write_obj,
-    ".las": las.write_las,
-    ".laz": las.write_laz,
-}
-MEMORY = {
-    ".xyz": 11.0,
-    ".txt": 11.0,
-    ".csv": 11.0,
-    ".obj": 8.0,
-    ".off": 8.0,
-    ".glb": 6.0,
-    ".stl": 11.0,
-    ".laz": 14.0,
-}
-"""Peak memory of reading a file, relative to the size of the file, measured on a million points."""
+__all__ = [
+    "CLOUD_READERS",
+    "CLOUD_WRITERS",
+    "NAMED_READERS",
+    "cloud_bytes",
+    "read_cloud",
+    "read_cloud_bytes",
+    "read_cloud_pipe",
+    "read_points",
+    "writable",
+    "write_cloud",
+    "write_points",
+]
 LONGEST = 500
 """Longest reason in a message, in characters."""
-LEAST_MEMORY = 3.0
-"""Peak memory of reading a file of a kind that `MEMORY` does not list, relative to the size of the file."""
-
-
-def _points_of(read: Callable[[bytes], Cloud]) -> Callable[[bytes], np.ndarray]:
-    return lambda data: read(data).points
-
-
-READERS: dict[str, Callable[[bytes], np.ndarray]] = {
-    suffix: _points_of(CLOUD_READERS[suffix]) for suffix in (".ply", ".pcd", ".npy", ".npz")
-} | {".xyz": text.xyz_points, ".txt": text.xyz_points, ".csv": text.csv_points}
-WRITERS = {suffix: CLOUD_WRITERS[suffix] for suffix in READERS}
 
 
 def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", "drop"] = "refuse") -> Cloud:
@@ -81,7 +41,7 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", 
 
     Args:
         path: path of the file.
-        suffix: suffix that sets the format, such as ".ply"; that of the path by default.
+        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default what the path's name tells.
         bad: refuse a file with coordinates that are not finite, or drop these rows and put their number into
             `about["dropped"]`.
 
@@ -95,9 +55,10 @@ def read_cloud(path: Path, suffix: str | None = None, *, bad: Literal["refuse", 
     Warns:
         PcsrWarning: the file was read in part, or its meaning was guessed.
     """
-    suffix = suffix or path.suffix
-    _by_suffix(suffix, CLOUD_READERS, str(path))
-    return read_cloud_bytes(_content(path, suffix), suffix, str(path), bad=bad)
+    suffix = format_of(path, suffix)
+    reader(suffix, str(path))
+    check = partial(check_start, suffix=suffix, name=str(path))
+    return read_cloud_bytes(read_bytes(path, memory=memory(suffix), check=check), suffix, str(path), bad=bad)
 
 
 def read_cloud_pipe(
@@ -107,7 +68,7 @@ def read_cloud_pipe(
 
     Args:
         file: pipe to read.
-        suffix: suffix of the format, such as ".ply".
+        suffix: suffix or name of the format, such as ".ply" or "kitti".
         name: name of the pipe, for messages.
         bad: as in `read_cloud`.
         most: largest number of bytes to read.
@@ -115,10 +76,9 @@ def read_cloud_pipe(
     Raises:
         UserError: as `read_cloud`, or the pipe has more than `most` bytes.
     """
-    _by_suffix(suffix, CLOUD_READERS, name)
-    data = read_pipe(
-        file, name, most=most, memory=_memory(suffix), check=partial(check_start, suffix=suffix, name=name)
-    )
+    suffix = format_of(Path(), suffix)
+    reader(suffix, name)
+    data = read_pipe(file, name, most=most, memory=memory(suffix), check=partial(check_start, suffix=suffix, name=name))
     return read_cloud_bytes(data, suffix, name, bad=bad)
 
 
@@ -127,7 +87,7 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
 
     Args:
         data: content of the file.
-        suffix: suffix of the format, such as ".ply".
+        suffix: suffix or name of the format, such as ".ply" or "kitti".
         name: name of the file, for messages.
         bad: as in `read_cloud`.
 
@@ -137,7 +97,7 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
     Warns:
         PcsrWarning: the file was read in part, or its meaning was guessed.
     """
-    cloud = _decoded(data, suffix, name, CLOUD_READERS)
+    cloud = _decoded(data, format_of(Path(), suffix), name)
     if not len(cloud):
         raise UserError(f"{name} holds no points")
     for note in cloud.about.get("notes", ()):
@@ -153,19 +113,27 @@ def read_cloud_bytes(data: bytes, suffix: str, name: str, *, bad: Literal["refus
     return cloud
 
 
-def writable(path: Path) -> None:
+def writable(path: Path, cloud: Cloud | None = None) -> None:
     """Check that a cloud can be written to a path, before it is computed.
 
+    Args:
+        path: path of the file to write.
+        cloud: cloud with the columns that are to be written, such as the sparse one. It is encoded on trial.
+
     Raises:
-        UserError: the suffix is unknown or can only be read, a library is missing, or the path is a folder, a device,
-            a pipe or a socket.
+        UserError: the suffix is unknown or can only be read, a library is missing, the path is a folder, a device, a
+            pipe or a socket, or the format cannot hold the columns of `cloud`.
     """
     check_target(path)
-    _by_suffix(path.suffix, CLOUD_WRITERS, str(path))
+    writer(path.suffix, str(path))
+    if path.name.lower().endswith(".copc.laz"):
+        raise UserError(f"{path}: COPC cannot be written: name a plain LAZ file, {path.name[: -len('.copc.laz')]}.laz")
     if path.suffix.lower() in (".las", ".laz"):
         las.check_installed(compressed=path.suffix.lower() == ".laz")
     if path.suffix.lower() == ".pcd":
         pcd.check_installed()
+    if cloud is not None:
+        _encoded(cloud, path.suffix, str(path))
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:
@@ -193,55 +161,31 @@ def cloud_bytes(cloud: Cloud, suffix: str) -> bytes:
 
 
 def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
-    """Read the points of a file, in its frame and unit. The suffix sets the format.
-
-    Lines of text hold three numbers or more, separated by white space or commas. Lines that start with # or // are
-    comments. The first line may hold names; if x, y and z are among them, these columns are read.
+    """Read the points of a file without its columns, in its frame and unit; see `read_cloud`.
 
     Raises:
-        UserError: the file does not exist, has an unknown suffix, is damaged, holds no points, or holds points that
-            are not finite.
+        UserError: as `read_cloud`.
     """
-    _by_suffix(path.suffix, READERS, str(path))
-    return _checked(_decoded(_content(path, path.suffix), path.suffix, str(path), READERS), str(path))
+    return read_cloud(path).points
 
 
 def write_points(path: Path, points: Float[np.ndarray, "n 3"]) -> None:
-    """Write points to a file, completely or not at all. Reading the file returns the same doubles.
+    """Write points to a file, completely or not at all. Reading the file returns the same doubles, but for LAS and LAZ.
 
     Raises:
         UserError: the suffix is unknown, there are no points, or points are not finite.
         RunError: the file cannot be written.
     """
-    encode = _by_suffix(path.suffix, WRITERS, str(path))
-    data = encode(Cloud(np.ascontiguousarray(_checked(np.asarray(points, np.float64), str(path)))))
-    write_whole(path, lambda part: _write_bytes(part, data))
+    writer(path.suffix, str(path))
+    write_cloud(path, Cloud(np.ascontiguousarray(_checked(np.asarray(points, np.float64), str(path)))))
 
 
 def _write_bytes(part: Path, data: bytes) -> None:
     part.write_bytes(data)
 
 
-def _content(path: Path, suffix: str) -> bytes:
-    check = partial(check_start, suffix=suffix, name=str(path))
-    return read_bytes(path, memory=_memory(suffix), check=check)
-
-
-def _memory(suffix: str) -> float:
-    return MEMORY.get(suffix.lower(), LEAST_MEMORY)
-
-
-def _by_suffix(suffix: str, known: Mapping[str, T], name: str) -> T:
-    suffix = suffix.lower()
-    if suffix not in known:
-        verb = "can be written" if suffix in CLOUD_READERS and known is CLOUD_WRITERS else "are known"
-        raise UserError(f"{name}: no cloud format '{suffix}': {', '.join(sorted(known))} {verb}")
-    return known[suffix]
-
-
-def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable[[bytes], T]]) -> T:
-    read = _by_suffix(suffix, readers, name)
-    suffix = suffix.lower()
+def _decoded(data: bytes, suffix: str, name: str) -> Cloud:
+    read = reader(suffix, name)
     check_start(data[:HEAD], suffix, name)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond doubles are found later, as not finite
@@ -249,19 +193,26 @@ def _decoded(data: bytes, suffix: str, name: str, readers: Mapping[str, Callable
     except UserError as error:
         reason = str(error)  # may quote long names and numbers from the file
         raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
-    except Exception as error:  # malformed files make the readers raise errors of any type
-        reason = "it needs more memory than is free" if isinstance(error, MemoryError) else str(error)
-        reason = textwrap.shorten(reason, 200) or type(error).__name__
-        raise UserError(f"{name} cannot be read as a {suffix} file: {reason}") from error
+    except MemoryError as error:
+        raise UserError(f"{name} cannot be read: it needs more memory than is free") from error
+    except Exception as error:  # malformed files make libraries raise errors of any type, in their words
+        raise UserError(
+            f"{name} cannot be read as a {suffix} file: it is damaged, or of another format: get the file again, or "
+            f"save it anew"
+        ) from error
 
 
 def _encoded(cloud: Cloud, suffix: str, name: str) -> bytes:
-    encode = _by_suffix(suffix, CLOUD_WRITERS, name)
+    encode = writer(suffix, name)
     _checked(cloud.points, name)
     try:
         return encode(cloud)
     except UserError as error:
         raise UserError(f"{name}: {error}") from error
+    except MemoryError as error:
+        raise RunError(f"{name} cannot be written: it needs more memory than is free") from error
+    except Exception as error:  # libraries raise errors of any type, in their words
+        raise UserError(f"{name}: a {suffix} file cannot hold this cloud: write a .ply or .npz file") from error
 
 
 def _checked(points: np.ndarray, name: str, remedy: str = "") -> Float[np.ndarray, "n 3"]:

@@ -1,0 +1,65 @@
+"""Scans of data sets for driving, as rows of single-precision numbers without a header: KITTI and nuScenes."""
+
+import numpy as np
+
+from pcsr.clouds.cloud import Cloud
+from pcsr.errors import UserError
+
+KITTI = ("x", "y", "z", "intensity")
+"""Numbers of a point in a scan of KITTI."""
+NUSCENES = (*KITTI, "ring")
+"""Numbers of a point in a scan of nuScenes."""
+MOST_RINGS = 256
+"""Most rings (lasers) of a scanner. nuScenes has 32."""
+
+
+def read_kitti(data: bytes) -> Cloud:
+    """Read a scan of KITTI: x, y, z and intensity of each point, in single precision.
+
+    Raises:
+        UserError: the size of the file is no multiple of a point's.
+    """
+    rows = _rows(data, KITTI, "kitti", "nuscenes")
+    notes: tuple[str, ...] = ()
+    other = len(KITTI) * rows.size // len(KITTI)
+    fifth = rows.reshape(-1)[4 :: len(NUSCENES)] if other % len(NUSCENES) == 0 else np.zeros(0)
+    if len(fifth) > 1 and _are_rings(fifth) and not _are_rings(rows):
+        notes = ("every fifth number is whole, as the ring of nuScenes: if it is of nuScenes, read it as that",)
+    return _cloud(rows, {"intensity": rows[:, 3]}, "kitti", notes)
+
+
+def read_nuscenes(data: bytes) -> Cloud:
+    """Read a scan of nuScenes: x, y, z, intensity and ring of each point, in single precision.
+
+    Raises:
+        UserError: the size of the file is no multiple of a point's, or a ring is no whole number.
+    """
+    rows = _rows(data, NUSCENES, "nuscenes", "kitti")
+    rings = rows[:, 4]
+    if not _are_rings(rings):
+        bad = int(np.flatnonzero(~((rings >= 0) & (rings < MOST_RINGS) & (rings == np.rint(rings))))[0])
+        raise UserError(
+            f"the ring of point {bad} is {rings[bad]:g}, and rings are whole numbers from 0 on: it is no file of "
+            f"nuScenes; that of KITTI has four numbers a point (--format kitti)"
+        )
+    return _cloud(rows, {"intensity": rows[:, 3], "ring": rings.astype(np.uint8)}, "nuscenes", ())
+
+
+def _rows(data: bytes, names: tuple[str, ...], kind: str, other: str) -> np.ndarray:
+    size = 4 * len(names)
+    if len(data) % size:
+        raise UserError(
+            f"its {len(data)} bytes are no multiple of {size}, the size of a point ({' '.join(names)}): it is cut off, "
+            f"or not of {kind} (--format {other}?)"
+        )
+    return np.frombuffer(data, "<f4").reshape(-1, len(names))
+
+
+def _are_rings(numbers: np.ndarray) -> bool:
+    with np.errstate(invalid="ignore"):
+        return bool(((numbers >= 0) & (numbers < MOST_RINGS) & (numbers == np.rint(numbers))).all())
+
+
+def _cloud(rows: np.ndarray, columns: dict[str, np.ndarray], kind: str, notes: tuple[str, ...]) -> Cloud:
+    own = {name: np.ascontiguousarray(column).astype(column.dtype.newbyteorder("=")) for name, column in columns.items()}
+    return Cloud(rows[:, :3].astype(np.float64), own, {kind: {"coordinates": "f4"}, "notes": notes})
