@@ -8,7 +8,7 @@ from jaxtyping import Float
 from pcsr.errors import PcsrWarning
 
 SUSPICIOUS = 5.0
-"""Ratio of sizes from which on two clouds are taken to be in different units. A part of an object is seldom so small."""
+"""Ratio of sizes from which on two clouds are taken to be in different units: part of an object is seldom so small."""
 USUAL = (10.0, 25.4, 100.0, 304.8, 1000.0, 1e6)
 """Ratios of usual units: millimetres, centimetres, inches, feet, metres and micrometres."""
 CLOSE = 0.15

@@ -43,14 +43,13 @@ def image(levels: np.ndarray, kind: str) -> bytes:
 
 def clouds() -> Iterator[Seed]:
     from pcsr.clouds.cloud import Cloud
-    from pcsr.clouds.formats import CLOUD_WRITERS, READERS, cloud_bytes, read_cloud, read_points
+    from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_points
     from pcsr.metrics.one_cloud import evaluate
 
     def read(folder: Path) -> None:
         (path,) = folder.iterdir()
         cloud = read_cloud(path)
-        if path.suffix in READERS:
-            read_points(path)
+        read_points(path)
         if len(cloud) < 100:
             evaluate(cloud.points, POINTS)
             evaluate(cloud.points[::-1], cloud.points, frame="each")

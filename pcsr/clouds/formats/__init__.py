@@ -1,4 +1,4 @@
-"""Reading and writing of cloud files: PLY, PCD, text, CSV, NumPy, LAS, E57, and meshes, of which the vertices are read."""
+"""Reading and writing of cloud files, whose formats `table` lists; of meshes the vertices are read."""
 
 import warnings
 from dataclasses import replace

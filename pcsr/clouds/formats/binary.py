@@ -3,6 +3,7 @@
 import numpy as np
 
 from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.columns import native
 from pcsr.errors import UserError
 
 KITTI = ("x", "y", "z", "intensity")
@@ -21,8 +22,7 @@ def read_kitti(data: bytes) -> Cloud:
     """
     rows = _rows(data, KITTI, "kitti", "nuscenes")
     notes: tuple[str, ...] = ()
-    other = len(KITTI) * rows.size // len(KITTI)
-    fifth = rows.reshape(-1)[4 :: len(NUSCENES)] if other % len(NUSCENES) == 0 else np.zeros(0)
+    fifth = rows.reshape(-1)[4 :: len(NUSCENES)] if rows.size % len(NUSCENES) == 0 else np.zeros(0)
     if len(fifth) > 1 and _are_rings(fifth) and not _are_rings(rows):
         notes = ("every fifth number is whole, as the ring of nuScenes: if it is of nuScenes, read it as that",)
     return _cloud(rows, {"intensity": rows[:, 3]}, "kitti", notes)
@@ -61,5 +61,5 @@ def _are_rings(numbers: np.ndarray) -> bool:
 
 
 def _cloud(rows: np.ndarray, columns: dict[str, np.ndarray], kind: str, notes: tuple[str, ...]) -> Cloud:
-    own = {name: np.ascontiguousarray(column).astype(column.dtype.newbyteorder("=")) for name, column in columns.items()}
-    return Cloud(rows[:, :3].astype(np.float64), own, {kind: {"coordinates": "f4"}, "notes": notes})
+    about = {kind: {"coordinates": "f4"}, "notes": notes}
+    return Cloud(rows[:, :3].astype(np.float64), {name: native(column) for name, column in columns.items()}, about)

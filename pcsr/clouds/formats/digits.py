@@ -1,5 +1,6 @@
 """Numbers as text: reading rows of numbers, and writing numbers with the fewest digits."""
 
+import re
 import warnings
 from io import StringIO
 
@@ -10,6 +11,9 @@ from pcsr.limits import LONGEST_LINE
 
 MANY_LINES = 10**6
 """Texts of more lines than this are refused if nearly all of them are empty."""
+
+WINDOWS = re.compile(r"([+-]?)(?:nan\(\w*\)|1\.#(\w+))", re.IGNORECASE)
+"""Words by which C libraries of Windows write numbers that are not finite: -nan(ind), 1.#QNAN, -1.#INF."""
 
 
 def check_lines(data: bytes, start: int = 0) -> None:
@@ -52,17 +56,35 @@ def load_rows(text: str, count: int | None = None) -> np.ndarray:
         try:
             return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
         except ValueError as error:
-            raise UserError(f"its rows of numbers cannot be read: {_explanation(text, str(error))}") from error
+            plain = WINDOWS.sub(_not_finite, text)
+            if plain != text:
+                return load_rows(plain, count)
+            raise UserError(f"its rows of numbers cannot be read: {_explanation(text)}") from error
 
 
-def _explanation(text: str, reason: str) -> str:
-    """Return the first row that differs in length from the first one; `reason` if there is none."""
-    rows = (line.split() for line in text.splitlines())
-    first = next((row for row in rows if row), [])
-    for number, row in enumerate((row for row in rows if row), 2):
-        if len(row) != len(first):
-            return f"row {number} has {len(row)} numbers and the first has {len(first)}: it is cut off or damaged"
-    return reason
+def as_number(word: str) -> float | None:
+    """Return the number that a word writes, or None if it writes none."""
+    try:
+        return float(WINDOWS.sub(_not_finite, word))
+    except ValueError:
+        return None
+
+
+def _not_finite(found: re.Match[str]) -> str:
+    return f"{found[1]}inf" if found[2] and found[2].upper().startswith("INF") else "nan"
+
+
+def _explanation(text: str) -> str:
+    """Say what is wrong with the first row that differs in length from the first one, or has a word that is no number."""
+    first = 0
+    for number, row in enumerate((row for line in text.splitlines() if (row := line.split())), 1):
+        first = first or len(row)
+        if len(row) != first:
+            return f"row {number} has {len(row)} numbers and the first has {first}: it is cut off or damaged"
+        for word in row:
+            if as_number(word) is None:
+                return f"row {number} has '{word[:40]}', which is no number"
+    return "one of their numbers has a form that is not known"
 
 
 def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:
