@@ -28,6 +28,7 @@ PACKAGES = {
     "pypcd4": Package("pypcd4", "pcd"),
     "laspy": Package("laspy", "las"),
     "lazrs": Package("lazrs", "las"),
+    "pye57": Package("pye57", "e57", frozenset({"aarch64"})),
     "distributed": Package("distributed", "cluster"),
     "huggingface_hub": Package("huggingface-hub", "hub"),
     "onnx": Package("onnx", "onnx"),

@@ -75,7 +75,7 @@ def _not_finite(found: re.Match[str]) -> str:
 
 
 def _explanation(text: str) -> str:
-    """Say what is wrong with the first row that differs in length from the first one, or has a word that is no number."""
+    """Say what is wrong with the first row that has another length than the first one or a word that is no number."""
     first = 0
     for number, row in enumerate((row for line in text.splitlines() if (row := line.split())), 1):
         first = first or len(row)

@@ -98,6 +98,13 @@ def _ragged(data: bytes, at: int, element: Element, order: str) -> tuple[dict[st
     Raises:
         UserError: there are too many rows, or the file is cut off.
     """
+    what = "points" if element.name.lower() == "vertex" else f"of '{element.name}'"
+    least = sum(np.dtype(TYPES[each.length or each.type]).itemsize for each in element.properties)
+    if element.count * least > len(data) - at:
+        raise UserError(
+            f"it is cut off: at most {max(0, len(data) - at) // least} of its {element.count} {what} are there: get the "
+            f"file again"
+        )
     if element.count > MOST_RAGGED_ROWS:
         raise UserError(
             f"its {element.count} of '{element.name}' have lists of different lengths, and {MOST_RAGGED_ROWS} of such "
@@ -125,7 +132,6 @@ def _ragged(data: bytes, at: int, element: Element, order: str) -> tuple[dict[st
                 raise UserError(f"row {number} of its '{element.name}' has a list of {length} numbers: it is damaged")
             at += width + item * length
         if at > len(data):
-            what = "points" if element.name.lower() == "vertex" else f"of '{element.name}'"
             raise UserError(f"it is cut off: {number} of its {element.count} {what} are there: get the file again")
     table: dict[str, np.ndarray] = {}
     raw = np.frombuffer(data, np.uint8)
