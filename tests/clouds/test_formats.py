@@ -103,10 +103,9 @@ def test_an_npz_gives_its_points_or_its_only_array(tmp_path):
         ("a.xyz", "1 2 3\n\n4 five 6\n", "line 3: could not convert string to float: 'five'"),
         ("a.xyz", "1 2 nan\n1 2 3\ninf 2 3\n", "2 of 3 points have a coordinate that is not finite"),
         ("a.xyz", "# nothing\nx y z\n", "holds no points"),
-        ("a.xyz", b"\xff\xfe\x00", "cannot be read as a .xyz file: .*decode"),
         ("a.csv", "a,b,c\n1,2,3\n", "its columns are a, b, c: name those of the coordinates x, y and z"),
         ("a.csv", "1;2;3\n", "line 1 has 1 columns|its columns are 1;2;3"),
-        ("a.csv", "t,x,y,z\n1,2,3\n", "line 2 has 3 columns, at least 4"),
+        ("a.csv", "t,x,y,z\n1,2,3\n", "its line of names has 4 columns, the line after it has 3"),
         ("a.ply", "", "cannot be read as a .ply file"),
         ("a.ply", "ply noise", "cannot be read as a .ply file"),
         ("a.ply", PLY.format(n=0), "holds no points"),
@@ -176,8 +175,8 @@ def test_arrays_of_objects_are_refused_and_not_run(tmp_path):
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path):
     for use in (read_points, lambda path: write_points(path, POINTS)):
-        with pytest.raises(UserError, match=r"no cloud format '.las': .csv, .npy, .npz, .pcd, .ply, .txt, .xyz are"):
-            use(tmp_path / "a.las")
+        with pytest.raises(UserError, match=r"no cloud format '.abc': .csv, .*\.ply, .*\.xyz are known"):
+            use(tmp_path / "a.abc")
         with pytest.raises(UserError, match="no cloud format ''"):
             use(tmp_path / "cloud")
 

@@ -117,7 +117,9 @@ def _merged(scans: list[tuple[Cloud, int]]) -> Cloud:
     notes: list[str] = []
     invalid = sum(count for _, count in scans)
     if invalid:
-        notes.append(f"{invalid} of its {sum(map(len, clouds)) + invalid} points are marked as invalid and were dropped")
+        notes.append(
+            f"{invalid} of its {sum(map(len, clouds)) + invalid} points are marked as invalid and were dropped"
+        )
     if len(clouds) > 1:
         notes.append(f"its {len(clouds)} scans were put together in the frame of the file")
     names = [name for name in clouds[0].columns if all(name in cloud.columns for cloud in clouds)]
@@ -128,9 +130,7 @@ def _merged(scans: list[tuple[Cloud, int]]) -> Cloud:
     if left_out:
         notes.append(f"its fields {', '.join(left_out)[:200]} were left out")
     kinds = {name: np.result_type(*(cloud.columns[name].dtype for cloud in clouds)) for name in names}
-    columns = {
-        name: np.concatenate([_as(cloud.columns[name], kinds[name]) for cloud in clouds]) for name in names
-    }
+    columns = {name: np.concatenate([_as(cloud.columns[name], kinds[name]) for cloud in clouds]) for name in names}
     return Cloud(np.concatenate([cloud.points for cloud in clouds]), columns, {"notes": tuple(notes)})
 
 

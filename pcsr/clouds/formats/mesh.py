@@ -1,4 +1,4 @@
-"""Readers of OBJ, OFF, STL and GLB files as clouds of vertices with colours and normals; writer of OBJ files."""
+"""Readers of OBJ, OFF, STL and GLB files as clouds of vertices with colours and normals."""
 
 import logging
 import re
@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.columns import COLOURS, NORMALS, spread
-from pcsr.clouds.formats.digits import check_lines, load_rows, words
+from pcsr.clouds.columns import COLOURS, NORMALS
+from pcsr.clouds.formats.digits import check_lines, load_rows
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
 
@@ -26,20 +26,44 @@ OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
 
 def read_obj(data: bytes) -> Cloud:
     """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order."""
-    check_lines(data)
-    text = data.decode("utf-8-sig", "surrogateescape")
-    rows = load_rows("\n".join(re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
-    if not len(rows):
-        raise UserError("it holds no points")
-    if rows.shape[1] not in (3, 4, 6, 7):
-        raise UserError(f"its vertices have {rows.shape[1]} numbers each: 3 are needed, 6 or 7 with colours")
+    text = obj_text(data)
+    rows, notes = obj_vertices(text)
     columns = _named(COLOURS, rows[:, 3:]) if rows.shape[1] > 4 else {}  # the last of four numbers is a weight
     normals = load_rows("\n".join(re.findall(r"^[ \t]*vn[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
     # Faces may use different normals for one vertex, which then has none.
     own = all(vertex == normal for vertex, normal in NORMAL_OF_CORNER.findall(text))
     if normals.shape == (len(rows), 3) and own:
         columns |= _named(NORMALS, normals)
-    return Cloud(np.ascontiguousarray(rows[:, :3]), columns)
+    return Cloud(np.ascontiguousarray(rows[:, :3]), columns, {"notes": notes})
+
+
+def obj_text(data: bytes) -> str:
+    """Return the text of an OBJ file, with continued lines joined."""
+    check_lines(data)
+    return re.sub(r"\\\r?\n", " ", data.decode("utf-8-sig", "surrogateescape"))
+
+
+def obj_vertices(text: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the numbers of each vertex of an OBJ file, 3, 4, 6 or 7, and a note on colours that were left out.
+
+    Raises:
+        UserError: there are no vertices, or some of them have another number of numbers.
+    """
+    lines = re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)
+    if not lines:
+        raise UserError("it holds no points")
+    widths = [len(line.split()) for line in lines]
+    bad = next((number for number, width in enumerate(widths, 1) if width not in (3, 4, 6, 7)), None)
+    if bad is not None:
+        raise UserError(f"its vertex {bad} has {widths[bad - 1]} numbers: 3 are needed, 6 or 7 with colours")
+    if len(set(widths)) == 1:
+        return load_rows("\n".join(lines)), ()
+    coloured = sum(width > 4 for width in widths)
+    if coloured == len(widths):  # with alpha and without
+        return load_rows("\n".join(" ".join(line.split()[:6]) for line in lines)), ()
+    rows = load_rows("\n".join(" ".join(line.split()[:3]) for line in lines))
+    note = f"only {coloured} of its {len(widths)} vertices have colours: these were left out"
+    return rows, (note,) if coloured else ()
 
 
 def read_off(data: bytes) -> Cloud:
@@ -128,24 +152,3 @@ def _columns(part: Any, pose: Float[np.ndarray, "3 3"]) -> dict[str, np.ndarray]
 
 def _named(names: tuple[str, ...], block: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.ascontiguousarray(part) for name, part in zip(names, block.T, strict=False)}
-
-
-def write_obj(cloud: Cloud) -> bytes:
-    """Encode a cloud as an OBJ file without faces: vertices with colours from 0 to 1, and normals.
-
-    Raises:
-        UserError: the cloud has columns that the format cannot hold.
-    """
-    columns = spread(cloud.columns, rest=True)
-    colours = [columns.pop(name) for name in COLOURS if name in columns]
-    normals = [columns.pop(name) for name in NORMALS if name in columns]
-    if columns or len(normals) not in (0, 3) or len(colours) not in (0, 3, 4):
-        raise UserError(
-            f"an .obj holds points, complete colours and complete normals, not the columns "
-            f"{', '.join(columns) or 'of this cloud'}: write a .ply"
-        )
-    shares = [each / np.iinfo(each.dtype).max if each.dtype.kind in "iu" else each for each in colours]
-    lines = ["v " + " ".join(row) + "\n" for row in zip(*map(words, [*cloud.points.T, *shares]), strict=True)]
-    if normals:
-        lines += ["vn " + " ".join(row) + "\n" for row in zip(*map(words, normals), strict=True)]
-    return "".join(lines).encode()

@@ -76,7 +76,7 @@ def parse(data: bytes) -> Header:
             f"damaged"
         )
     if there > points:
-        notes.append(f"its data go on after its {points} points: these {there - points} were left out")
+        notes.append(f"its data have {there} points and its header claims {points}: the rest was left out")
     return Header(fields, points, _viewpoint(header), encoding, end.end(), [*notes, *more])
 
 

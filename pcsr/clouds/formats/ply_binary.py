@@ -102,8 +102,8 @@ def _ragged(data: bytes, at: int, element: Element, order: str) -> tuple[dict[st
     least = sum(np.dtype(TYPES[each.length or each.type]).itemsize for each in element.properties)
     if element.count * least > len(data) - at:
         raise UserError(
-            f"it is cut off: at most {max(0, len(data) - at) // least} of its {element.count} {what} are there: get the "
-            f"file again"
+            f"it is cut off: at most {max(0, len(data) - at) // least} of its {element.count} {what} are there: "
+            f"get the file again"
         )
     if element.count > MOST_RAGGED_ROWS:
         raise UserError(

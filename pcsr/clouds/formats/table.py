@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import arrays, binary, colmap, e57, las, mesh, pcd, ply, ply_writing, text
+from pcsr.clouds.formats import arrays, binary, colmap, e57, las, mesh, obj_writing, pcd, ply, ply_writing, text
 from pcsr.errors import UserError
 
 T = TypeVar("T")
@@ -41,7 +41,7 @@ CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
     ".csv": text.write_csv,
     ".npy": arrays.write_npy,
     ".npz": arrays.write_npz,
-    ".obj": mesh.write_obj,
+    ".obj": obj_writing.write,
     ".las": las.write_las,
     ".laz": las.write_laz,
 }

@@ -7,7 +7,6 @@ names anything else is refused.
 
 import math
 import pickle  # noqa: TID251  (the one place: a subclass that never looks a name up; recorded touches are pickles)
-import textwrap
 from collections.abc import Callable, Collection
 from io import BytesIO
 from pathlib import Path
@@ -108,8 +107,8 @@ def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
     except UserError:
         raise
     except Exception as error:  # a malformed pickle may raise any error, MemoryError and RecursionError included
-        reason = "it ends too early" if isinstance(error, EOFError) else str(error) or type(error).__name__
-        reason = "it is nested too deeply" if isinstance(error, RecursionError) else textwrap.shorten(reason, 200)
+        reason = "it ends too early" if isinstance(error, EOFError) else "it is damaged, or no pickle"
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else reason
         raise UserError(
             f"{path} cannot be read as a pickle of plain data: {reason}; get the file again, or as plain arrays"
         ) from error
