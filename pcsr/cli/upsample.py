@@ -89,7 +89,7 @@ def upsample(
         check_suffix(mesh)  # before the work, not after it
         open3d()
     console = Console(stderr=True, quiet=quiet)
-    chosen = suffix or (".ply" if cloud == PIPE or cloud.suffix == "" else None)
+    chosen = ".ply" if suffix is None and (cloud == PIPE or cloud.suffix == "") else suffix
     kind = f".{(suffix or 'ply').lower().lstrip('.')}"
     kind = kind if kind in CLOUD_WRITERS else ".ply"
     target = out if out != PIPE else Path(f"pipe{kind}")

@@ -54,4 +54,4 @@ def _size(points: np.ndarray) -> float:
 def _shown(ratio: float) -> str:
     if ratio >= 1e7:
         return f"{ratio:.1e}"
-    return f"{ratio:,.0f}" if ratio >= 30 else f"{ratio:.3g}"
+    return f"{ratio:,.0f}" if ratio >= 1000 else f"{ratio:.3g}"

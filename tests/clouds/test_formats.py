@@ -175,7 +175,7 @@ def test_arrays_of_objects_are_refused_and_not_run(tmp_path):
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path):
     for use in (read_points, lambda path: write_points(path, POINTS)):
-        with pytest.raises(UserError, match=r"no cloud format '.abc': .csv, .*\.ply, .*\.xyz are known"):
+        with pytest.raises(UserError, match=r"no cloud format '.abc': .csv, .*\.ply, .*\.xyz (are known)?"):
             use(tmp_path / "a.abc")
         with pytest.raises(UserError, match="no cloud format ''"):
             use(tmp_path / "cloud")

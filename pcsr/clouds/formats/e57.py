@@ -136,4 +136,5 @@ def _merged(scans: list[tuple[Cloud, int]]) -> Cloud:
 
 def _as(column: np.ndarray, kind: np.dtype[Any]) -> np.ndarray:
     """Convert a column; 8-bit colours beside 16-bit ones are scaled."""
-    return column.astype(kind) * np.array(257, kind) if (column.dtype, kind) == (np.uint8, np.uint16) else column
+    wider = column.dtype == np.uint8 and kind == np.uint16
+    return column.astype(kind) * np.uint16(257) if wider else column

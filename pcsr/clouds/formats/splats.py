@@ -4,13 +4,14 @@ import re
 
 import numpy as np
 
+from pcsr.clouds.columns import NORMALS
+
 DEGREE_0 = 0.28209479177387814
 """Value of the spherical harmonic of degree 0."""
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 """Coefficients of that harmonic for red, green and blue."""
 OTHERS = re.compile(r"f_rest_\d+|opacity|(scale|rot)_\d+|filter_3D")
 """Names of the other parameters."""
-NORMALS = ("nx", "ny", "nz")
 
 
 def is_splats(names: set[str]) -> bool:
@@ -32,7 +33,8 @@ def as_colours(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], s
         for name, source in zip(("red", "green", "blue"), COLOUR, strict=True):
             share = np.nan_to_num(0.5 + DEGREE_0 * columns[source].astype(np.float64)).clip(0, 1)
             colours[name] = np.rint(255 * share).astype(np.uint8)
-    normals = [name for name in NORMALS if name in columns and not columns[name].any()]  # always 0 in such files
+    normals = [name for name in NORMALS if name in columns]  # 0 in most such files
+    normals = [] if any(columns[name].any() for name in normals) else normals
     left_out = [name for name in columns if name in COLOUR or OTHERS.fullmatch(name) or name in normals]
     rest = {name: column for name, column in columns.items() if name not in left_out}
     note = (

@@ -108,7 +108,9 @@ def reader(kind: str, name: str) -> Callable[[bytes], Cloud]:
     Raises:
         UserError: the format is unknown.
     """
-    return _found(kind, {**CLOUD_READERS, **NAMED_READERS}, name, "are known")
+    if kind in NAMED_READERS:
+        return NAMED_READERS[kind]
+    return _found(kind, CLOUD_READERS, name, f"are known, and by --format {', '.join(NAMED_READERS)}")
 
 
 def writer(suffix: str, name: str) -> Callable[[Cloud], bytes]:

@@ -1,8 +1,10 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import trimesh
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
 from pcsr.clouds.meshes import read_mesh
@@ -187,3 +189,28 @@ def test_triangles_are_read_as_one_mesh(tmp_path):
     ):
         with pytest.raises(UserError, match=rf"{name} ?({reason})"):
             read_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "colours", "note"),
+    [
+        ("v 1 2 3 0 0.5 1\nv 4 5 6\n", [], "only 1 of its 2 vertices have colours: these were left out"),
+        ("v 1 2 3\nv 4 5 6 0 0.5 1 1\n", [], "only 1 of its 2 vertices have colours: these were left out"),
+        ("v 1 2 3 0 0.5 1\nv 4 5 6 0 0.5 1 1\n", ["red", "green", "blue"], ""),
+        ("v 1 2 3 1.0\nv 4 5 6\n", [], ""),
+        ("v 1 2 \\\n3\nv 4 5 6\n", [], ""),
+    ],
+)
+def test_vertices_with_and_without_colours(text, colours, note):
+    with pytest.warns(PcsrWarning, match=note) if note else nullcontext():
+        cloud = read(text, ".obj")
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert list(cloud.columns) == colours
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "i8"])
+def test_integer_colours_of_any_size_are_shares_in_an_obj(kind):
+    most = {"u1": 255, "u2": 65535, "i8": 65535}[kind]
+    colours = {name: np.array([0, most], kind) for name in ("red", "green", "blue")}
+    data = cloud_bytes(Cloud(np.eye(3)[:2], colours), ".obj").decode()
+    assert data == "v 1.0 0.0 0.0 0.0 0.0 0.0\nv 0.0 1.0 0.0 1.0 1.0 1.0\n"
