@@ -1,6 +1,8 @@
 """Formats that people have, from the file to the command's output: the right coordinates, colours and notes."""
 
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -63,9 +65,11 @@ def test_a_format_is_obeyed_whatever_the_suffix(tmp_path):
     assert "is a .ply file by its content" in wrong.output
     rows = np.column_stack([POINTS, np.zeros(60)]).astype("<f4").tobytes()
     for suffix, given, written in (("xyz", cloud_bytes(Cloud(POINTS), ".xyz"), ".xyz"), ("kitti", rows, ".ply")):
-        piped = run("upsample", "-", "-o", "-", "--format", suffix, "--model", "midpoint", input=given)
-        assert piped.exit_code == 0, piped.output
-        dense = read_cloud_bytes(piped.stdout_bytes, written, "the output")
+        command = [sys.executable, "-m", "pcsr.cli", "upsample", "-", "-o", "-", "--model", "midpoint"]
+        command += ["--format", suffix]
+        piped = subprocess.run(command, input=given, capture_output=True, check=False)
+        assert piped.returncode == 0, piped.stderr
+        dense = read_cloud_bytes(piped.stdout, written, "the output")
         np.testing.assert_array_equal(dense.points[:60], POINTS)
 
 

@@ -1,4 +1,4 @@
-"""Reading and writing of cloud files, whose formats `table` lists; of meshes the vertices are read."""
+"""Reading and writing of cloud files, whose formats `format_table` lists; of meshes the vertices are read."""
 
 import warnings
 from dataclasses import replace
@@ -12,7 +12,15 @@ from jaxtyping import Float
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import las, pcd
 from pcsr.clouds.formats.beginnings import check_start
-from pcsr.clouds.formats.table import CLOUD_READERS, CLOUD_WRITERS, NAMED_READERS, format_of, memory, reader, writer
+from pcsr.clouds.formats.format_table import (
+    CLOUD_READERS,
+    CLOUD_WRITERS,
+    NAMED_READERS,
+    format_of,
+    memory,
+    reader,
+    writer,
+)
 from pcsr.errors import PcsrWarning, RunError, UserError
 from pcsr.files import check_target, write_whole
 from pcsr.geometry.checks import check_cloud
