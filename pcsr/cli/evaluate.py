@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from pcsr.cli.options import FILE, PLUGIN, complete_metric
+from pcsr.errors import UserError
 
 
 @click.command()
@@ -30,6 +31,12 @@ from pcsr.cli.options import FILE, PLUGIN, complete_metric
     shell_complete=complete_metric,
     help="Compute only this metric. May be repeated.  [default: all that are possible]",
 )
+@click.option(
+    "--format",
+    "suffix",
+    default=None,
+    help="Format of the clouds whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …",
+)
 @click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Python file with metrics.")
 @click.option("--json", "plain", is_flag=True, help="Print the unscaled values as JSON.")
 def evaluate(
@@ -38,6 +45,7 @@ def evaluate(
     mesh: Path | None,
     frame: str,
     metrics: tuple[str, ...],
+    suffix: str | None,
     plugins: tuple[Path, ...],
     plain: bool,
 ) -> None:
@@ -51,12 +59,16 @@ def evaluate(
     from rich.table import Table
 
     from pcsr.clouds.formats import read_points
+    from pcsr.clouds.formats.format_table import named_by
     from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics.one_cloud import evaluate as measure
     from pcsr.metrics.one_cloud import named, why_no_emd
     from pcsr.metrics.units import warn_of_units
 
-    clouds = read_points(prediction), read_points(truth)
+    chosen, true = (None if named_by(path) else suffix for path in (prediction, truth))
+    if suffix is not None and chosen is None and true is None:
+        raise UserError(f"--format {suffix[:80]}: the suffixes of both clouds name their formats: leave it out")
+    clouds = read_points(prediction, chosen), read_points(truth, true)
     surface = None if mesh is None else read_mesh(mesh)
     warn_of_units(clouds[0], str(prediction), clouds[1], str(truth))
     if surface is not None:

@@ -1,5 +1,6 @@
 """Formats that people have, from the file to the command's output: the right coordinates, colours and notes."""
 
+import json
 import struct
 import subprocess
 import sys
@@ -42,6 +43,21 @@ def test_kitti_and_nuscenes_by_their_names(tmp_path):
         assert all(f"--format {name}" in bare.output for name in ("kitti", "nuscenes", "colmap"))
         path.write_bytes(rows[:, :width].tobytes()[:-3])
         assert "are no multiple of" in run("upsample", path, "-o", tmp_path / "o.ply", "--format", kind).output
+
+
+def test_evaluate_takes_a_format_for_suffixes_that_name_none(tmp_path):
+    write_cloud(tmp_path / "a.ply", Cloud(POINTS))
+    rows = np.column_stack([POINTS * 1.5, np.zeros(60)])
+    (tmp_path / "scan.bin").write_bytes(rows.astype("<f4").tobytes())
+    for pair in (("scan.bin", "a.ply"), ("scan.bin", "scan.bin")):
+        paths = [tmp_path / name for name in pair]
+        done = run("evaluate", *paths, "--format", "kitti", "--metric", "hd", "--frame", "none", "--json")
+        assert done.exit_code == 0, done.output
+        assert (json.loads(done.stdout)["hd"] > 0.1) == (pair[0] != pair[1])
+        assert "--format kitti" in run("evaluate", *paths).output
+    unused = run("evaluate", tmp_path / "a.ply", tmp_path / "a.ply", "--format", "kitti")
+    assert unused.exit_code == 2
+    assert "--format kitti: the suffixes of both clouds name their formats" in unused.output
 
 
 def test_the_points_of_colmap(tmp_path):

@@ -168,13 +168,17 @@ def cloud_bytes(cloud: Cloud, suffix: str) -> bytes:
     return _encoded(cloud, suffix, f"the {suffix} cloud")
 
 
-def read_points(path: Path) -> Float[np.ndarray, "n 3"]:
+def read_points(path: Path, suffix: str | None = None) -> Float[np.ndarray, "n 3"]:
     """Read the points of a file without its columns, in its frame and unit; see `read_cloud`.
+
+    Args:
+        path: path of the file.
+        suffix: suffix or name of the format; by default what the path's name tells.
 
     Raises:
         UserError: as `read_cloud`.
     """
-    return read_cloud(path).points
+    return read_cloud(path, suffix).points
 
 
 def write_points(path: Path, points: Float[np.ndarray, "n 3"]) -> None:

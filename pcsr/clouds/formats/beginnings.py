@@ -57,7 +57,9 @@ def check_start(head: bytes, suffix: str, name: str) -> None:
         return
     for magic, suffixes in MAGIC.items():
         if head.startswith(magic) and suffix not in suffixes:
-            raise UserError(f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it")
+            raise UserError(
+                f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it, or correct --format"
+            )
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise UserError(f"{name} is a {kind} file by its content, not a {suffix}: unpack or convert it")

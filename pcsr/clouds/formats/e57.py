@@ -126,9 +126,9 @@ def _merged(scans: list[tuple[Cloud, int]]) -> Cloud:
     partial = sorted({name for cloud in clouds for name in cloud.columns} - set(names))
     left_out = sorted({name for cloud in clouds for name in cloud.about["left out"]})
     if partial:
-        notes.append(f"{', '.join(partial)} are in some of its scans only and were left out")
+        notes.append(f"its fields {', '.join(partial)} were left out, since only some of its scans have them")
     if left_out:
-        notes.append(f"its fields {', '.join(left_out)[:200]} were left out")
+        notes.append(f"its fields {', '.join(left_out)[:200]} were left out, since pcsr does not read them")
     kinds = {name: np.result_type(*(cloud.columns[name].dtype for cloud in clouds)) for name in names}
     columns = {name: np.concatenate([_as(cloud.columns[name], kinds[name]) for cloud in clouds]) for name in names}
     return Cloud(np.concatenate([cloud.points for cloud in clouds]), columns, {"notes": tuple(notes)})

@@ -93,6 +93,11 @@ def format_of(path: Path, chosen: str | None = None) -> str:
     return path.suffix.lower()
 
 
+def named_by(path: Path) -> bool:
+    """Return whether the name of a file tells its format."""
+    return path.suffix.lower() in CLOUD_READERS or path.name.lower() == COLMAP_FILE
+
+
 def memory(kind: str) -> float:
     """Return the peak memory of reading a file of a format, relative to the size of the file."""
     return MEMORY.get(kind, LEAST_MEMORY)

@@ -6,6 +6,7 @@ from pcsr.clouds.formats import read_cloud, read_cloud_bytes
 
 RNG = np.random.default_rng(0)
 ROWS = RNG.normal(size=(20, 5)).astype("<f4")
+ROWS[:, 3] = RNG.uniform(0, 255, 20)
 ROWS[:, 4] = np.arange(20) % 32
 
 
@@ -35,11 +36,28 @@ def test_a_size_that_does_not_fit_is_refused(kind, size, other):
 
 def test_one_taken_for_the_other_is_noticed():
     with pytest.warns(PcsrWarning, match="every fifth number is whole, as the ring of nuScenes"):
-        read_cloud_bytes(ROWS.tobytes(), "kitti", "it")  # 20 points of 5 are 25 of 4
+        read_cloud_bytes(np.abs(ROWS).tobytes(), "kitti", "it")  # 20 points of 5 are 25 of 4
     rows = RNG.normal(size=(25, 4)).astype("<f4")
     with pytest.raises(UserError, match=r"the ring of point 0 is .*, and rings are whole numbers .*--format kitti"):
         read_cloud_bytes(rows.tobytes(), "nuscenes", "it")
     read_cloud_bytes(np.arange(80, dtype="<f4").tobytes(), "kitti", "it")  # all of its numbers are whole
+
+
+@pytest.mark.parametrize("kind", ["kitti", "nuscenes"])
+def test_numbers_that_are_none_of_a_scan_are_refused(kind):
+    points = RNG.normal(size=(40, 3))
+    for kind_of_number in ("<f4", "<f8", ">f4"):
+        with pytest.raises(UserError, match=r"the (intensity|ring) of point \d+ is "):
+            read_cloud_bytes(points.astype(kind_of_number).tobytes(), kind, "it")
+    with pytest.raises(UserError, match=r"the (intensity|ring) of point \d+ is |% of its coordinates are as "):
+        read_cloud_bytes(np.abs(points).tobytes(), kind, "it")  # doubles
+    rows = np.zeros((200, 5 if kind == "nuscenes" else 4), "<f4")
+    rows[:, :3] = RNG.normal(size=(200, 3))
+    rows[7, 0], rows[8, 3] = 1e10, np.nan  # one stray and one missing intensity
+    assert len(read_cloud_bytes(rows.tobytes(), kind, "it")) == 200
+    rows[9, 3] = -1
+    with pytest.raises(UserError, match=f"the intensity of point 9 is -1, .* not of {kind}"):
+        read_cloud_bytes(rows.tobytes(), kind, "it")
 
 
 def test_a_bin_without_a_format_lists_the_choices(tmp_path):

@@ -74,7 +74,9 @@ def test_what_only_some_scans_have_is_left_out(scanned):
     with pytest.warns(PcsrWarning) as said:
         cloud = read_cloud(path)
     assert cloud.columns == {}
-    assert any("blue, green, red are in some of its scans only and were left out" in str(one.message) for one in said)
+    assert any(
+        "blue, green, red were left out, since only some of its scans have them" in str(one.message) for one in said
+    )
 
 
 def test_ranges_and_angles_become_coordinates():
