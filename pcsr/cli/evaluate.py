@@ -70,10 +70,10 @@ def evaluate(
         raise UserError(f"--format {suffix[:80]}: the suffixes of both clouds name their formats: leave it out")
     clouds = read_points(prediction, chosen), read_points(truth, true)
     surface = None if mesh is None else read_mesh(mesh)
+    values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     warn_of_units(clouds[0], str(prediction), clouds[1], str(truth))
     if surface is not None:
         warn_of_units(surface.vertices, str(mesh), clouds[1], str(truth))
-    values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
     if not metrics and (why := why_no_emd(*map(len, clouds))):
         click.echo(f"skipped: {why}", err=True)
     if plain:

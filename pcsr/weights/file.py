@@ -116,6 +116,8 @@ def _explained(path: Path) -> Iterator[None]:
 
 def fault(error: Exception) -> str:
     """Return what is wrong with a weights file that raised an error, in words that are not those of a library."""
+    if isinstance(error, UnicodeEncodeError):
+        return "its card has surrogates, which are no characters"
     own = type(error) is ValueError  # the errors of libraries are of classes derived from it
     return " ".join(str(error).split())[:200] if own else "its header is damaged or cut off, or is that of another file"
 

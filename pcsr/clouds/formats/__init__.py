@@ -203,7 +203,7 @@ def _decoded(data: bytes, suffix: str, name: str) -> Cloud:
         with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond doubles are found later, as not finite
             return read(data)
     except UserError as error:
-        reason = str(error)  # may quote long names and numbers from the file
+        reason = str(error).encode("utf-8", "replace").decode()  # may quote long or broken text of the file
         raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
     except MemoryError as error:
         raise UserError(f"{name} cannot be read: it needs more memory than is free") from error

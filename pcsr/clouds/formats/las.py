@@ -69,7 +69,7 @@ def _without_octree(header: Any) -> tuple[str, ...]:
 
 def _check_counts(data: bytes) -> None:
     """Check that the records and points that the header claims fit into the file; laspy would search for each."""
-    if len(data) < 227:
+    if len(data) < max(227, _integer(data, 94, 2)):
         raise UserError("it is cut off in its header")
     numbers = np.frombuffer(data, "<f8", 6, 131)
     if not (np.isfinite(numbers).all() and (np.abs(numbers[:3]) >= SMALLEST).all()):

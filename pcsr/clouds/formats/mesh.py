@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOURS, NORMALS
+from pcsr.clouds.formats import stl
 from pcsr.clouds.formats.digits import check_lines, load_rows
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
@@ -95,9 +96,10 @@ def read_off(data: bytes) -> Cloud:
 
 def read_stl(data: bytes) -> Cloud:
     """Read the vertices of an STL file. The format repeats a vertex for each face; duplicates are removed."""
+    data, notes = stl.checked(data)
     cloud = _loaded(data, "stl")
     _, first = np.unique(cloud.points, axis=0, return_index=True)
-    return Cloud(cloud.points[np.sort(first)])
+    return Cloud(cloud.points[np.sort(first)], about={"notes": notes})
 
 
 def read_glb(data: bytes) -> Cloud:

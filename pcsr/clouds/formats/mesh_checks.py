@@ -1,7 +1,9 @@
 """Checks of mesh files before trimesh reads them, which would skip or guess what is damaged."""
 
 import re
+from collections.abc import Callable
 
+from pcsr.clouds.formats import stl
 from pcsr.clouds.formats.mesh import obj_text, obj_vertices, read_off
 from pcsr.clouds.formats.ply_header import parse
 from pcsr.errors import UserError
@@ -11,8 +13,6 @@ CORNER = re.compile(r"[+-]?\d+(/[+-]?\d*){0,2}")
 """Corner of a face of an OBJ: the numbers of its vertex, texture coordinate and normal."""
 ZERO = re.compile(r"^[ \t]*f[ \t](?:[^\r\n#]*[ \t])?[+-]?0+(?=[/ \t\r\n]|$)", re.MULTILINE)
 """Face of an OBJ up to a corner at vertex 0."""
-TRIANGLE, TRIANGLES = 50, 84
-"""Size in bytes of a triangle of a binary STL, and where the first one begins."""
 
 
 def check_mesh(data: bytes, suffix: str) -> None:
@@ -21,7 +21,12 @@ def check_mesh(data: bytes, suffix: str) -> None:
     Raises:
         UserError: vertices or faces are missing, or a face of an OBJ is none.
     """
-    check = {".obj": _check_obj, ".off": _check_off, ".ply": _check_ply, ".stl": _check_stl}.get(suffix)
+    check: Callable[[bytes], object] | None = {
+        ".obj": _check_obj,
+        ".off": _check_off,
+        ".ply": _check_ply,
+        ".stl": stl.checked,
+    }.get(suffix)
     if check is not None:
         check(data)
 
@@ -64,15 +69,6 @@ def _check_ply(data: bytes) -> None:
     there = sum(1 for line in data[header.end :].splitlines() if line.strip()) if header.encoding == "ascii" else rows
     if there < rows:
         raise UserError(f"it is cut off: {there} of its {rows} lines are there: get the file again")
-
-
-def _check_stl(data: bytes) -> None:
-    if data[:512].lstrip().startswith(b"solid"):
-        return
-    count = int.from_bytes(data[TRIANGLES - 4 : TRIANGLES], "little")
-    there = max(0, len(data) - TRIANGLES) // TRIANGLE
-    if len(data) < TRIANGLES or there < count:
-        raise UserError(f"it is cut off: {there} of its {count} triangles are there: get the file again")
 
 
 def _line(text: str, at: int) -> int:
