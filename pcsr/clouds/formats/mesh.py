@@ -99,7 +99,7 @@ def read_stl(data: bytes) -> Cloud:
     data, notes = stl.checked(data)
     cloud = _loaded(data, "stl")
     _, first = np.unique(cloud.points, axis=0, return_index=True)
-    return Cloud(cloud.points[np.sort(first)], about={"notes": notes})
+    return Cloud(cloud.points[np.sort(first)], about={**cloud.about, "notes": notes})
 
 
 def read_glb(data: bytes) -> Cloud:
@@ -120,7 +120,7 @@ def _loaded(data: bytes, kind: str) -> Cloud:
         raise UserError("it holds no points")
     common = [name for name in found[0] if all(name in each for each in found)]
     columns = {name: np.concatenate([each[name] for each in found]) for name in common}
-    return Cloud(np.concatenate(points), columns)
+    return Cloud(np.concatenate(points), columns, {kind: {"coordinates": "f4"}})
 
 
 def load_scene(data: bytes, kind: str) -> Any:

@@ -253,3 +253,11 @@ def test_whether_the_columns_fit_is_known_before_the_work(laspy, tmp_path):
         with pytest.raises(UserError, match=rf"out\{suffix}: .*{reason}"):
             writable(tmp_path / f"out{suffix}", cloud)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("length", [227, 240, 300, 374])
+def test_a_header_that_is_cut_off_is_refused(length):
+    data = cloud_bytes(Cloud(np.random.default_rng(0).normal(size=(9, 3))), ".las")
+    assert int.from_bytes(data[94:96], "little") == 375
+    with pytest.raises(UserError, match="it is cut off in its header"):
+        read_cloud_bytes(data[:length], ".las", "it")

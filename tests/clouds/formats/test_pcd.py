@@ -1,4 +1,5 @@
 import warnings
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -183,6 +184,18 @@ def test_an_organised_cloud_with_nan_is_read_without_them():
     cloud = read_cloud_bytes(whole, ".pcd", "it", bad="drop")
     assert cloud.points.tolist() == POINTS.tolist()
     assert b"WIDTH 2\nHEIGHT 1\n" in cloud_bytes(cloud, ".pcd")
+
+
+@pytest.mark.parametrize(("kind", "size"), [("f4", b"SIZE 4 4 4\n"), ("f8", b"SIZE 8 8 8\n")])
+def test_arrays_are_written_in_their_precision(kind, size):
+    points = np.random.default_rng(0).normal(size=(20, 3)).astype(kind)
+    array, archive = BytesIO(), BytesIO()
+    np.save(array, points)
+    np.savez(archive, points=points)
+    for file, suffix in ((array, ".npy"), (archive, ".npz")):
+        written = cloud_bytes(read_cloud_bytes(file.getvalue(), suffix, "it"), ".pcd")
+        assert size in written
+        np.testing.assert_array_equal(read_cloud_bytes(written, ".pcd", "it").points, points)
 
 
 def test_what_was_single_is_written_as_single():
