@@ -72,8 +72,8 @@ def upsample(
     """Make a cloud dense and write it.
 
     Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
-    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57, STL, GLB and OFF can be read too, and
-    KITTI, nuScenes and COLMAP by --format.
+    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57, STL, GLB and OFF can be read too,
+    and KITTI, nuScenes and COLMAP by --format.
     """
     import time
     import warnings
