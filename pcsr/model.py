@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
+from pcsr.clouds.cloud import MADE, TOUCHED, Cloud
 from pcsr.clouds.convert import convert
+from pcsr.clouds.faults import Bad, ScreenedCloud, screen
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.geometry.checks import check_cloud, check_frame
+from pcsr.geometry.checks import check_frame
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
@@ -30,6 +33,8 @@ MOST_DISTANCE = 0.5
 """Largest distance of a touch from the cloud, in diameters of the cloud."""
 MOST_SIZE = 2.0
 """Largest diameter of a touch, in diameters of the cloud."""
+FIELDS = ("source",)
+"""Columns that the result can have on request."""
 RATES = (1.1, 64.0)
 """Smallest and largest rate."""
 
@@ -68,6 +73,8 @@ class Model:
         *,
         count: int | None = None,
         keep: bool = True,
+        fields: Sequence[str] = (),
+        bad: Bad = "refuse",
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -75,13 +82,18 @@ class Model:
         """Upsample a cloud of any size.
 
         Args:
-            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud, or a
-                `pcsr.clouds.cloud.Cloud`.
+            points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud, a
+                `pcsr.clouds.cloud.Cloud`, or what `pcsr.clouds.faults.screen` returned.
             touches: touches in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a
                 recording.
-            rate: output points for each input point, 1.1 to 64; 4 by default.
+            rate: output points for each used input point, 1.1 to 64; 4 by default. Of exact duplicates one is used.
             count: number of output points, instead of a rate.
             keep: whether the input points are part of the output, before the new points.
+            fields: further columns of the result, if `points` is a `Cloud`. `source` is 0 for scanned points, 1 for
+                made ones, and 2 for touched points of unseen regions.
+            bad: treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far
+                outliers. "refuse" raises an error, "drop" removes them and copies of duplicates, "keep" keeps them in
+                the output and makes the new points as if they were not there.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
             advance: called with the number of processed points and the number of all points.
@@ -91,11 +103,11 @@ class Model:
             are interpolated from their neighbours.
 
         Raises:
-            UserError: points are too few, not finite or all equal, touches are far from the cloud, or the number of
-                output points is out of range.
+            UserError: points are too few, faulty or all equal, touches are far from the cloud, the number of output
+                points is out of range, or a field is unknown or has no place in a cloud of this kind.
 
         Warns:
-            PcsrWarning: touched points lie where the cloud has no points.
+            PcsrWarning: points were dropped or not used, or touched points lie where the cloud has no points.
 
         Examples:
             >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
@@ -105,17 +117,21 @@ class Model:
             >>> bool((dense[:100] == cloud).all())
             True
         """
-        given = convert(points)
-        cloud = given.cloud.points
-        check_cloud(cloud)
-        wanted = _count(len(cloud), rate, count)
+        screened = points if isinstance(points, ScreenedCloud) else None
+        _check_fields(fields, points if screened is None else screened.cloud)
+        given = convert(points if screened is None else screened.cloud)
+        screened = screen(given.cloud, bad) if screened is None else screened
+        cloud = screened.points
+        unused = len(screened.used) - len(cloud) if keep else 0
+        wanted = _count(len(cloud), unused, rate, count)
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
         touched = _touched(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
             source = self._candidates(alone=workers.executor is None)
             new = densify(cloud, wanted, source, touches=touched, keep=keep, pool=workers, advance=advance)
-        return given.restore(given.cloud.with_new(scaled(new, power), keep=keep))
+        dense = screened.cloud.with_new(scaled(new, power), keep=keep, used=screened.used)
+        return given.restore(dense.with_source(_sources(new, touched)) if "source" in fields else dense)
 
     def _candidates(self, *, alone: bool) -> Candidates:
         if self.network is None or self.recipe is None:
@@ -165,7 +181,25 @@ def load(
     return Model(name, network, recipe, card, path, files)
 
 
-def _count(n: int, rate: float | int | None, count: int | None) -> int:
+def _check_fields(fields: Sequence[str], points: Any) -> None:
+    for name in fields:
+        if name not in FIELDS:
+            raise UserError(f"field {name!r} is unknown: fields are {', '.join(FIELDS)}")
+    if fields and not isinstance(points, Cloud):
+        kind = type(points).__name__
+        raise UserError(f"field '{fields[0]}' is a column, which a {kind} cannot hold: give a pcsr.clouds.cloud.Cloud")
+
+
+def _sources(new: Float[np.ndarray, "new 3"], touched: list[Float[np.ndarray, "_ 3"]]) -> Int[np.ndarray, " new"]:
+    """Return which new points are touched points: `densify` adds those of unseen regions unchanged."""
+    if not touched:
+        return np.full(len(new), MADE)
+    distance = cKDTree(np.concatenate(touched)).query(new)[0]
+    return np.where(distance == 0, TOUCHED, MADE)
+
+
+def _count(n: int, unused: int, rate: float | int | None, count: int | None) -> int:
+    """Return the number of output points besides the unused input points, which are part of `count` alone."""
     if rate is not None and count is not None:
         raise UserError(f"rate {rate:g} and count {count} exclude each other: give one of them (--rate, --points)")
     if count is not None:
@@ -173,7 +207,12 @@ def _count(n: int, rate: float | int | None, count: int | None) -> int:
             raise UserError(f"count is {count}: at least one point must come out")
         if count > RATES[1] * n:
             raise UserError(f"count is {count}, more than {RATES[1]:g} times the cloud's {n} points: ask for fewer")
-        return count
+        if unused and count < n + unused:
+            raise UserError(
+                f"{count} points are fewer than the {n + unused} of the cloud: ask for more, or don't keep the old "
+                f"ones (--replace)"
+            )
+        return count - unused
     rate = 4.0 if rate is None else float(rate)
     if not RATES[0] <= rate <= RATES[1]:
         raise UserError(

@@ -35,7 +35,7 @@ class BuiltIn(NamedTuple):
 COMMANDS = {
     "upsample": BuiltIn("pcsr.cli.upsample:upsample", "Make a cloud dense and write it."),
     "evaluate": BuiltIn("pcsr.cli.evaluate:evaluate", "Measure a cloud against the true one."),
-    "view": BuiltIn("pcsr.cli.view:view", "Open a window with clouds side by side."),
+    "view": BuiltIn("pcsr.cli.view:view", "Show clouds side by side in the browser."),
     "export": BuiltIn("pcsr.cli.export:export", "Export a network to ONNX, or its weights to a file."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
     "compare": BuiltIn("pcsr.cli.compare:compare", "Train and evaluate recipes or parts under equal conditions."),

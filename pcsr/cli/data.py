@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pcsr.cli import streams
 from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option, plugin_option
 from pcsr.errors import UserError, did_you_mean
 
@@ -54,19 +55,17 @@ def make(
     SHAPES is a folder of meshes, the name of a shape source such as cad-parts, or a recipe, whose section `data` is
     used. Finished parts of the data set are not built again: after an interruption the same command goes on.
     """
-    from rich.console import Console
-
     from pcsr.data.build import build_split
     from pcsr.data.plan import Plan
     from pcsr.data.shards import read_manifest
     from pcsr.progress import progress_bars
     from pcsr.workers import worker_pool
 
-    console = Console()
+    console = streams.console()
     plan = Plan.of(_recipe(shapes, overrides, registry), registry)
     for split, reason in plan.empty.items():
         console.print(f"no {split} data: {reason}", style="yellow", markup=False, soft_wrap=True)
-    with progress_bars(console, hidden=False) as progress, worker_pool(jobs, scheduler) as workers:
+    with progress_bars(streams.console(error=True), hidden=False) as progress, worker_pool(jobs, scheduler) as workers:
         for split, names in plan.names.items():
             task = progress.add_task(f"building the {split} data", total=len(names))
             build_split(plan, split, folder, workers, functools.partial(progress.advance, task))
@@ -92,14 +91,12 @@ def info(folder: Path, picture: Path | None, name: str | None, verify: bool) -> 
 
     Prints the settings and the objects of each split, and writes a page of pictures as in the paper's Fig. 4.
     """
-    from rich.console import Console
-
     from pcsr.data.shards import read_manifest
     from pcsr.extras import require
     from pcsr.report.web.data_page import write_data_page
 
     require({"plotly": "the page of pictures"})
-    console = Console()
+    console = streams.console()
     manifest = read_manifest(folder)
     _print(console, folder, manifest)
     if verify:
@@ -140,7 +137,7 @@ def _verify(console: "Console", folder: Path, manifest: "Manifest") -> None:
     from pcsr.progress import progress_bars
 
     files = sum(len(about.shards) for about in manifest.splits.values())
-    with progress_bars(console, hidden=False) as progress:
+    with progress_bars(streams.console(error=True), hidden=False) as progress:
         objects = sum(about.objects for about in manifest.splits.values())
         task = progress.add_task("verifying", total=objects)
         found = damaged(folder, manifest, functools.partial(progress.advance, task))
@@ -153,7 +150,7 @@ def _verify(console: "Console", folder: Path, manifest: "Manifest") -> None:
 
 def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
     """Print the settings of the data set, a table of its splits, and the reasons for rejected objects."""
-    from rich.table import Table
+    from rich.table import Column, Table
 
     data = manifest.data
     touch = {key: value for key, value in data.touch.model_dump().items() if value is not None}
@@ -164,7 +161,8 @@ def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
         soft_wrap=True,
     )
     console.print(f"shapes: {_plain(data.shapes.model_dump())}; touch: {_plain(touch)}", markup=False, soft_wrap=True)
-    table = Table("split", "objects", "groups", "rejected", "coverage by 1, 2, … touches")
+    heads = ("split", "objects", "groups", "rejected", "coverage by 1, 2, … touches")
+    table = Table(*(Column(head, overflow="fold") for head in heads))
     for split, about in manifest.splits.items():
         covered = "  ".join(f"{row.p50:.1%}" for row in about.coverage)
         table.add_row(split, *(str(n) for n in (about.objects, about.groups, len(about.rejected))), covered)

@@ -75,7 +75,7 @@ def export(
     MODEL is the name of weights, a run folder or a weights file.
 
     If the file's name ends in .safetensors, the weights and their card are written. Otherwise the network is written
-    as an ONNX graph. The graph's inputs are the points and, with --touches, the touches; both are normalized by the
+    as an ONNX graph. The graph's inputs are the points and, with --touches, the touches; both are normalised by the
     bounding sphere of the points. Its output is the dense cloud. ONNX needs the extra [onnx].
     """
     from pcsr.export import export_onnx, export_weights

@@ -120,7 +120,7 @@ def distribution(kind: str, name: str) -> dict[str, str]:
 
 
 def _installed(name: str) -> str | None:
-    """Return the name of the installed distribution whose normalized name (PEP 503) is the same; None: none is."""
+    """Return the name of the installed distribution whose normalised name (PEP 503) is the same; None: none is."""
     wanted = re.sub(r"[-_.]+", "-", name).lower()
     owners = (str(one.metadata["Name"]) for one in importlib.metadata.distributions())
     return next((owner for owner in owners if re.sub(r"[-_.]+", "-", owner).lower() == wanted), None)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pcsr.cli import COMMANDS, foreign_commands
+from pcsr.cli import COMMANDS, foreign_commands, streams
 from pcsr.cli.options import listed_plugin_option
 from pcsr.cli.plugin_check import check
 from pcsr.cli.plugin_new import new
@@ -34,9 +34,7 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
 
         click.echo(why(registry, name))
         return
-    from rich.console import Console
-
-    console = Console()
+    console = streams.console()
     console.print(_table(registry))
     for command, announced in foreign_commands().items():
         owners = " and ".join(owner for owner, _ in announced)
@@ -54,7 +52,7 @@ def plugins(context: click.Context, name: str | None, registry: "Registry") -> N
 def _table(registry: "Registry") -> "Table":
     from rich.table import Column, Table
 
-    table = Table("kind", "name", "owner", "version", Column("traits", overflow="fold"))
+    table = Table(*(Column(head, overflow="fold") for head in ("kind", "name", "owner", "version", "traits")))
     for entry in registry:
         table.add_row(entry.kind, entry.name, entry.owner, entry.version, _traits(entry))
     return table

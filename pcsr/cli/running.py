@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pcsr.cli import streams
 from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option
 from pcsr.errors import UserError
 
@@ -18,8 +19,6 @@ Result = TypeVar("Result")
 
 RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
 """Fields of `pcsr.experiments.run_options.RunOptions`, each of which is an option of the command line."""
-WIDTH = 140
-"""Width of a table that is written to a file or a pipe, in characters."""
 
 _OPTIONS = (
     click.option(
@@ -93,7 +92,6 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         RunError: training fails, or a file cannot be written.
     """
     import torch
-    from rich.console import Console
 
     from pcsr import report
     from pcsr.data.built import BuiltData
@@ -104,7 +102,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
 
     if where["keep_weights"] and where["retrain"]:
         raise UserError("--keep-weights trains nothing, and --retrain trains: give one of the two")
-    console = Console()
+    console, log = streams.console(), streams.console(error=True)
     options = RunOptions(**where)
     if options.data:
         built = BuiltData.read(options.data)
@@ -112,7 +110,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         folders_text = " and ".join(map(str, options.data))
         note = f"the recipe's section data is replaced by {folders_text}, except for the number of touches"
         for line in (note, *built.missing()):
-            console.print(f"data: {line}", markup=False, soft_wrap=True)
+            log.print(f"data: {line}", markup=False, soft_wrap=True)
     require({name: user for one in recipes for name, user in packages(one, registry, options).items()})
     for one in recipes:
         check_weights(one, registry)  # all weights are checked before the first run
@@ -127,15 +125,18 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
         folders[folder] = one.name
     finished = []
     for one in recipes:
-        done = run(one, registry, options, console)
+        done = run(one, registry, options, log)
         if done is not None:  # None in all processes except the first
             finished.append(done)
-            console.print(report.table(done.results))
-            console.print(f"report: {done.folder / report.REPORT}", soft_wrap=True, markup=False)
+            where_to = f"report: {done.folder / report.REPORT}"
+            if len(recipes) == 1 or console.is_terminal:
+                console.print(report.table(done.results))
+            else:  # the table of all runs follows
+                where_to = f"{report.summary(done.results)}; {where_to}"
+            console.print(where_to, soft_wrap=True, markup=False, highlight=False)
     if len(finished) > 1:
-        wide = console if console.is_terminal else Console(width=WIDTH)
         for one_table in report.compare([done.results for done in finished], name):
-            wide.print(one_table)
+            console.print(one_table)
         page = report.write_comparison(finished, name, options.runs)
         console.print(f"all runs: {page}", soft_wrap=True, markup=False)
     if torch.distributed.is_available() and torch.distributed.is_initialized():

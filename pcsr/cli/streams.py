@@ -4,12 +4,38 @@ import io
 import os
 import sys
 from contextlib import suppress
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from pcsr.errors import RunError, UserError
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 WIDTHS = range(20, 10_000)
 """Widths of a terminal, in columns, that text and tables are fitted to."""
+
+UNLIMITED = 100_000
+"""Width of a file or pipe, in columns: more than any table has, so that tables there have their own width."""
+
+
+def console(*, error: bool = False, quiet: bool = False) -> "Console":
+    """Return a console on standard output, on which every command prints its tables and messages.
+
+    On a terminal it has the terminal's width. In a file or a pipe it wraps and cuts nothing, and has no colours.
+
+    Args:
+        error: print to standard error instead.
+        quiet: print nothing.
+    """
+    from rich.console import Console
+
+    terminal = (sys.stderr if error else sys.stdout).isatty()
+    return Console(
+        stderr=error,
+        quiet=quiet,
+        width=None if terminal else UNLIMITED,
+        force_terminal=None if terminal else False,  # whatever FORCE_COLOR says, a file gets no bars
+    )
 
 
 def prepare() -> None:

@@ -70,6 +70,12 @@ def _complete_option(option: str) -> "Callable[[click.Context, click.Parameter, 
     help="Cloud that a camera sees, in the mesh's frame and unit.  [default: random points of the surface]",
 )
 @click.option(
+    "--format",
+    "suffix",
+    default=None,
+    help="Format of the cloud, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …  [default: by the suffix]",
+)
+@click.option(
     "--source",
     default="digit",
     show_default=True,
@@ -95,6 +101,7 @@ def touch(
     policy: str | None,
     object_size: str | None,
     cloud: Path | None,
+    suffix: str | None,
     source: str,
     overrides: tuple[str, ...],
     overwrite: bool,
@@ -106,6 +113,7 @@ def touch(
     """
     import numpy as np
 
+    from pcsr.clouds.faults import warn_of_faults
     from pcsr.clouds.formats import read_points
     from pcsr.clouds.touch import covered_area_share
     from pcsr.contracts import ShapeItem, TouchSource
@@ -116,6 +124,8 @@ def touch(
 
     if any(override.partition("=")[0].strip() == "use" for override in overrides):
         raise UserError("--set use=…: name the source with --source")
+    if suffix is not None and cloud is None:
+        raise UserError(f"--format {suffix[:80]}: it is the format of --cloud, which is not given")
     if not mesh.is_file():
         raise UserError(f"mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
     if mesh.resolve().parent == folder.resolve():
@@ -128,7 +138,8 @@ def touch(
     touch_source: TouchSource = recipe.data.touch.build(registry, "touch")
     item: ShapeItem = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
-        seen = read_points(cloud)
+        seen = read_points(cloud, suffix)
+        warn_of_faults(seen, f"--cloud {cloud}")
         _check_same_frame(seen, item.mesh, cloud, mesh)
     else:
         seen = surface_points(item.mesh, recipe.data.points, np.random.default_rng(seed))

@@ -1,14 +1,21 @@
 """`pcsr upsample`: the command that upsamples a cloud in a file or pipe."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, PLUGIN, jobs_option
 from pcsr.errors import PcsrWarning, UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pcsr.clouds.faults import Bad
 
 PIPE = Path("-")
 
@@ -23,15 +30,32 @@ PIPE = Path("-")
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
-    "--mesh", type=FILE, default=None, help="Write a surface too, as PLY, OBJ, STL, OFF or GLB (extra [open3d])."
+    "--mesh",
+    type=FILE,
+    default=None,
+    metavar="FILE",
+    help="Write a surface through the dense cloud too, as PLY, OBJ, STL, OFF or GLB (extra [open3d]).",
+)
+@click.option(
+    "--fields",
+    type=click.Choice(["source"]),
+    multiple=True,
+    help="Add a column: source is 0 for scanned points, 1 for made ones, 2 for touched ones of unseen regions.",
 )
 @click.option("--replace", is_flag=True, help="Write new points only, without the input points.")
 @click.option(
     "--bad",
-    type=click.Choice(["refuse", "drop"]),
+    type=click.Choice(["refuse", "drop", "keep"]),
     default="refuse",
     show_default=True,
-    help="Refuse a cloud with points that are not finite, or drop these points.",
+    help="Treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far outliers. "
+    "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
+)
+@click.option(
+    "--columns",
+    default=None,
+    metavar="NAMES",
+    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
 )
 @click.option(
     "--format",
@@ -60,8 +84,10 @@ def upsample(
     touch: Path | None,
     model: str | None,
     mesh: Path | None,
+    fields: tuple[str, ...],
     replace: bool,
-    bad: Literal["refuse", "drop"],
+    bad: "Bad",
+    columns: str | None,
     suffix: str | None,
     device: str,
     jobs: int | None,
@@ -76,10 +102,10 @@ def upsample(
     and KITTI, nuScenes and COLMAP by --format.
     """
     import time
-    import warnings
 
-    from rich.console import Console
+    import numpy as np
 
+    from pcsr.clouds.faults import screen
     from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
     from pcsr.progress import progress_bars
 
@@ -89,7 +115,7 @@ def upsample(
 
         check_suffix(mesh)  # before the work, not after it
         open3d()
-    console = Console(stderr=True, quiet=quiet)
+    console = streams.console(error=True, quiet=quiet)
     chosen = ".ply" if suffix is None and (cloud == PIPE or cloud.suffix == "") else suffix
     kind = f".{(suffix or 'ply').lower().lstrip('.')}"
     kind = kind if kind in CLOUD_WRITERS else ".ply"
@@ -97,26 +123,26 @@ def upsample(
     writable(target)  # before the work, not after it
     if out == PIPE:
         streams.open_output()
-    given = (
-        read_cloud_pipe(streams.open_input(), chosen or ".ply", "the cloud from the pipe", bad=bad)
-        if cloud == PIPE
-        else read_cloud(cloud, chosen, bad=bad)
-    )
-    writable(target, given)
-    if given.about.get("dropped"):
-        console.print(f"{given.about['dropped']} points are not finite and were dropped", style="yellow")
+    name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
+    with _yellow_warnings(console):
+        read = (
+            read_cloud_pipe(streams.open_input(), chosen or ".ply", name, bad="keep", columns=columns)
+            if cloud == PIPE
+            else read_cloud(cloud, chosen, bad="keep", columns=columns)
+        )
+        given = screen(read, bad, name)
+    writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
     touches, recorded = [], 0
     if touch is not None:
-        from pcsr.recorded import read
+        from pcsr.recorded import read as read_touches
 
-        recording = read(touch)
+        recording = read_touches(touch)
         touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
         for name, reason in recording.skipped.items():  # also with --quiet
             click.echo(f"touch {name} is skipped: {reason}", err=True)
     from pcsr.model import load  # imports torch, so mistakes in files are reported first
 
-    with warnings.catch_warnings(record=True) as warned, progress_bars(console, hidden=quiet) as progress:
-        warnings.simplefilter("always", PcsrWarning)
+    with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
         device_name = _device(device)
         try:
             loaded = load(model, plugins=plugins, device=device_name)
@@ -124,33 +150,48 @@ def upsample(
             from pcsr.validation_messages import shown
 
             raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
-        task = progress.add_task("upsampling", total=len(given.points))
+        task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
             touches,
             rate,
             count=count,
             keep=not replace,
-            jobs=jobs or _jobs(len(given), device),
+            fields=fields,
+            jobs=jobs or _jobs(len(given.points), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
-    for one in warned:
-        if issubclass(one.category, PcsrWarning):
-            console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+    written = len(dense)
     if out == PIPE:
-        streams.put(cloud_bytes(dense, kind))
+        streams.put(cloud_bytes(dense, kind, bad=bad))
     else:
-        write_cloud(out, dense)
+        write_cloud(out, dense, bad=bad)
     if mesh is not None:
+        dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     seconds = time.perf_counter() - start
     touched = f" and {len(touches)} of {recorded} touches" if touches else ""
     console.print(
-        f"{len(given.points)} points{touched} to {len(dense.points)} by {loaded.name} in {seconds:.1f} s: {out}",
+        f"{len(given.cloud)} points{touched} to {written} by {loaded.name} in {seconds:.1f} s: {out}",
         markup=False,
         soft_wrap=True,
     )
+
+
+@contextmanager
+def _yellow_warnings(console: "Console") -> Iterator[None]:
+    """Print pcsr's warnings as yellow lines after the block, and before an error that ends it."""
+    import warnings
+
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", PcsrWarning)
+        try:
+            yield
+        finally:
+            for one in warned:
+                if issubclass(one.category, PcsrWarning):
+                    console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
 
 
 def _device(name: str) -> str:

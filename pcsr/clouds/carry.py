@@ -3,17 +3,16 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int
+from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from pcsr.clouds.columns import colour_names, normal_groups
+from pcsr.clouds.averages import mean, mean_direction, weighted_neighbours
+from pcsr.clouds.column_kinds import column_kinds
 from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
 
 CHUNK = 1 << 18
 """New points that are processed at once: about 50 MB."""
-CANCELLED = 1e-9
-"""Normals cancel out if the length of their sum is less than this share of the longest."""
 
 
 def carry(
@@ -24,10 +23,13 @@ def carry(
 ) -> dict[str, np.ndarray]:
     """Interpolate the columns of a cloud at new points. Names, order and types of the columns are kept.
 
-    - Floats and colours: mean of the `k` nearest old points, weighted by the inverse distance. Integer colours are
-      rounded.
-    - Normals: the same mean, scaled to length 1; the normal of the nearest old point where they cancel out.
-    - Other integers and booleans, such as labels, and values without a finite mean: value of the nearest old point.
+    `column_kinds` decides by names and values how a column is carried:
+
+    - Colours and measured quantities: mean of the `k` nearest old points, weighted by the inverse distance. Whole
+      numbers stay whole.
+    - Normals, other directions and quaternions: the same mean, with signs as of the nearest point's, scaled to
+      length 1.
+    - Labels, identifiers, times, flags and angles, and values without a finite mean: value of the nearest old point.
 
     A new point that coincides with an old one gets exactly its values.
 
@@ -59,77 +61,19 @@ def carry(
     carried = {name: np.zeros((len(new_points), *column.shape[1:]), column.dtype) for name, column in columns.items()}
     if not columns:
         return carried
-    colours = set(colour_names(columns))
-    # Integers cannot hold normals of length 1.
-    groups = [group for group in normal_groups(columns) if all(columns[name].dtype.kind == "f" for name in group)]
-    in_groups = {name for group in groups for name in group}
+    kinds = column_kinds(columns)
     power = exponent([old_points, new_points])
     tree = KDTree(scaled(np.asarray(old_points, np.float64), -power))
     for start in range(0, len(new_points), CHUNK):
         rows = slice(start, start + CHUNK)
         scaled_points = scaled(np.asarray(new_points[rows], np.float64), -power)
-        neighbours, weight = _weighted_neighbours(tree, scaled_points, min(k, len(old_points)))
-        for name, column in columns.items():
-            if name not in in_groups:
-                averaged = column.dtype.kind == "f" or (name in colours and column.dtype.kind in "iu")
-                nearest = neighbours[:, 0]
-                carried[name][rows] = _mean(column, neighbours, weight) if averaged else column[nearest]
-        for group in groups:
-            normals = np.column_stack([columns[name] for name in group])
-            for name, part in zip(group, _directions(normals, neighbours, weight, len(group)), strict=True):
+        neighbours, weight = weighted_neighbours(tree, scaled_points, min(k, len(old_points)))
+        for name in kinds.nearest:
+            carried[name][rows] = columns[name][neighbours[:, 0]]
+        for name in kinds.averaged:
+            carried[name][rows] = mean(columns[name], neighbours, weight, whole=name in kinds.rounded)
+        for group in kinds.directions:
+            directions = mean_direction(np.column_stack([columns[name] for name in group]), neighbours, weight)
+            for name, part in zip(group, [directions] if len(group) == 1 else directions.T, strict=True):
                 carried[name][rows] = part
     return carried
-
-
-def _weighted_neighbours(
-    tree: KDTree, points: Float64[np.ndarray, "m 3"], k: int
-) -> tuple[Int[np.ndarray, "m k"], Float64[np.ndarray, "m k"]]:
-    """Return the indices of the nearest old points, nearest first, and their weights relative to the nearest."""
-    distance, neighbours = tree.query(points, k=range(1, k + 1), workers=-1)
-    first = distance[:, :1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weight = first / distance
-    # Where a new point coincides with an old one, the others get no weight.
-    weight[:] = np.where(first > 0, weight, 0.0)
-    weight[:, 0] = 1.0
-    return neighbours, weight
-
-
-def _mean(column: np.ndarray, neighbours: Int[np.ndarray, "m k"], weight: Float64[np.ndarray, "m k"]) -> np.ndarray:
-    """Compute weighted means of a column over neighbours, in the column's type."""
-    nearest = column[neighbours[:, 0]]
-    shares = (weight / weight.sum(axis=1, keepdims=True)).reshape(weight.shape + (1,) * (column.ndim - 1))
-    with np.errstate(invalid="ignore", over="ignore"):
-        values = column[neighbours].astype(np.float64)
-        # Computed as a difference to the nearest value, so that constant columns stay exactly constant.
-        mean = values[:, 0] + (shares * (values - values[:, :1])).sum(axis=1)
-        if column.dtype.kind in "iu":
-            kind = np.iinfo(column.dtype)
-            mean = np.rint(mean).clip(kind.min, kind.max)
-        copied = _only_nearest(weight).reshape(-1, *(1 for _ in column.shape[1:])) | ~np.isfinite(mean)
-        result: np.ndarray = np.where(copied, nearest, mean.astype(column.dtype))
-    return result
-
-
-def _only_nearest(weight: Float64[np.ndarray, "m k"]) -> Bool[np.ndarray, " m"]:
-    """Return where all weights but that of the nearest point are 0."""
-    only: Bool[np.ndarray, " m"] = (weight[:, 1:] == 0).all(axis=1)
-    return only
-
-
-def _directions(
-    normals: Float[np.ndarray, "n 3"],
-    neighbours: Int[np.ndarray, "m k"],
-    weight: Float64[np.ndarray, "m k"],
-    parts: int,
-) -> list[np.ndarray]:
-    """Compute weighted mean normals of length 1, as three columns of one number or one column of three."""
-    values = normals[neighbours].astype(np.float64)
-    nearest = normals[neighbours[:, 0]]
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        total = (weight[..., None] * values).sum(axis=1)
-        length = np.linalg.norm(total, axis=1, keepdims=True)
-        longest = (weight * np.linalg.norm(values, axis=2)).max(axis=1, keepdims=True)
-        cancelled = ~(length > CANCELLED * longest)  # also zero or not finite
-        mean = np.where(_only_nearest(weight)[:, None] | cancelled, nearest, total / length)
-    return [mean] if parts == 1 else list(mean.T)

@@ -7,7 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from pcsr.clouds.carry import carry
+from pcsr.clouds.columns import unused
 from pcsr.errors import UserError
+
+SCANNED, MADE, TOUCHED = 0, 1, 2
+"""Values of the column `source`: points of the input, points made by upsampling, touched points of unseen regions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +54,34 @@ class Cloud:
         """Return the cloud of the rows with these indices, in their order, or of those where a mask is True."""
         return Cloud(self.points[rows], {name: column[rows] for name, column in self.columns.items()}, self.about)
 
-    def with_new(self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True) -> "Cloud":
+    def with_new(
+        self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True, used: Bool[np.ndarray, " n"] | None = None
+    ) -> "Cloud":
         """Return a cloud with new points, whose columns are interpolated from the old points.
 
         Args:
             points: new points.
             keep: put the old points before the new ones; otherwise they are dropped.
+            used: which old points columns are interpolated from; all by default.
         """
         if self.is_single:
             with np.errstate(over="ignore", under="ignore"):
                 single = points.astype(np.float32).astype(np.float64)
             # Single precision, as in the file, unless a text file declares doubles as single.
             points = single if np.allclose(single, points, rtol=1e-6, atol=1e-30) else points
-        columns = carry(self.columns, self.points, points)
+        old = self if used is None or used.all() else self.chosen(used)
+        columns = carry(old.columns, old.points, points)
         if keep:
             points = np.concatenate([self.points, points])
             columns = {name: np.concatenate([self.columns[name], column]) for name, column in columns.items()}
         return Cloud(points, columns, self.about)
+
+    def with_source(self, new: Int[np.ndarray, " m"]) -> "Cloud":
+        """Return the cloud with a further column `source`, or `source_2` if there is such a column.
+
+        Args:
+            new: source of each of the last m points, `MADE` or `TOUCHED`; the others are `SCANNED`.
+        """
+        source = np.full(len(self), SCANNED, np.uint8)
+        source[len(self) - len(new) :] = new
+        return Cloud(self.points, {**self.columns, unused("source", self.columns): source}, self.about)

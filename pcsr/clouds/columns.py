@@ -1,6 +1,7 @@
 """Columns of a cloud beside its coordinates: recognising colours and normals by name, and renaming for file formats."""
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -14,6 +15,12 @@ NORMALS = ("nx", "ny", "nz")
 """Names of columns that hold one component of the normals."""
 NORMAL_BLOCKS = ("normal", "normals")
 """Names of columns (n, 3) that hold whole normals."""
+NORMAL_STEMS = ("n", "norm", "normal", "normals")
+"""Names of normals without the component: nx, normal_x, Normals.X, scalar_Nx."""
+COMPONENT = re.compile(r"(?:scalar_)?(.+?)[\s_.\-\[(]*([wxyz]|[0-4])[\])]?", re.IGNORECASE)
+"""Name of one component of a vector: a stem, such as normal, and a letter or number."""
+COMPONENTS = {3: ("xyz", "012", "123"), 4: ("wxyz", "0123", "1234")}
+"""Letters or numbers of the components of a vector, by its length."""
 
 
 def colour_names(columns: Mapping[str, np.ndarray]) -> list[str]:
@@ -34,10 +41,36 @@ def colour_names(columns: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def normal_groups(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """Return the names of the columns that hold normals, in groups: nx, ny and nz, or one column of whole normals."""
-    by_name = {name.lower(): name for name, column in columns.items() if column.ndim == 1}
-    groups = [[by_name[name] for name in NORMALS]] if by_name.keys() >= set(NORMALS) else []
+    """Return the names of the columns that hold normals, in groups: three components, or one column of whole normals.
+
+    The components are nx, ny and nz, or normal_x, normal_y and normal_z, in any spelling of `vectors`.
+    """
+    groups = [
+        names for stem, axes, names in vectors(columns, 3) if stem in NORMAL_STEMS and (axes == "xyz" or len(stem) > 1)
+    ]
     return groups + [[name] for name, column in columns.items() if is_block(name, column, NORMAL_BLOCKS)]
+
+
+def vectors(columns: Mapping[str, np.ndarray], size: int) -> Iterator[tuple[str, str, list[str]]]:
+    """Find the columns whose names differ only in the component of a vector: dir_x, dir_y, dir_z, or rot_0 to rot_3.
+
+    Case, separators (dirX, dir.x, dir[0]) and CloudCompare's prefix scalar_ make no difference.
+
+    Args:
+        columns: columns of a cloud.
+        size: number of components, 3 or 4.
+
+    Yields:
+        The stem in lower case (dir), the components (xyz), and the names in the order of the components.
+    """
+    by_stem: dict[str, dict[str, str]] = {}
+    for name, column in columns.items():
+        if column.ndim == 1 and (match := COMPONENT.fullmatch(name)):
+            by_stem.setdefault(match[1].lower(), {}).setdefault(match[2].lower(), name)
+    for stem, parts in by_stem.items():
+        for axes in COMPONENTS[size]:
+            if parts.keys() >= set(axes):
+                yield stem, axes, [parts[axis] for axis in axes]
 
 
 def is_block(name: str, column: np.ndarray, names: Iterable[str]) -> bool:

@@ -1,6 +1,5 @@
-"""Surface reconstruction from a dense cloud, and a viewer for clouds, both by Open3D (extra `[open3d]`)."""
+"""Surface reconstruction from a dense cloud by Open3D (extra `[open3d]`)."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -29,7 +28,7 @@ def open3d() -> ModuleType:
     Raises:
         UserError: Open3D or a system library that it needs is not installed.
     """
-    module: ModuleType = imported("open3d", "a surface or a window")
+    module: ModuleType = imported("open3d", "a surface")
     return module
 
 
@@ -71,36 +70,6 @@ def write_surface(path: Path, cloud: Cloud) -> int:
         raise RunError(f"{path}: no surface was found through the {len(cloud)} points")
     _export(path, vertices + centre, kept)
     return len(kept)
-
-
-def show(clouds: Sequence[tuple[str, Cloud]]) -> None:
-    """Show clouds side by side in a window, and return when it is closed.
-
-    Args:
-        clouds: names and clouds.
-
-    Raises:
-        UserError: Open3D is not installed, or there is no display.
-    """
-    o3d = open3d()
-    shown: list[Any] = []
-    offset = 0.0
-    for _, cloud in clouds:
-        span = np.ptp(cloud.points, axis=0)
-        points = cloud.points - cloud.points.min(0) + np.array([offset, 0.0, 0.0])
-        one = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-        if all(name in cloud.columns for name in ("red", "green", "blue")):
-            colours = np.stack([cloud.columns[name] for name in ("red", "green", "blue")], axis=1).astype(np.float64)
-            one.colors = o3d.utility.Vector3dVector(colours / max(1.0, 255.0 if colours.max() > 1 else 1.0))
-        shown.append(one)
-        offset += 1.1 * float(span[0] or 1.0)
-    window = o3d.visualization.Visualizer()
-    if not window.create_window(window_name=", ".join(name for name, _ in clouds)):
-        raise UserError("Open3D found no display to open a window on: run this on a desktop")
-    for one in shown:
-        window.add_geometry(one)
-    window.run()
-    window.destroy_window()
 
 
 def check_suffix(path: Path) -> None:

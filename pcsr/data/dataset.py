@@ -16,7 +16,7 @@ from pcsr.geometry.frames import UnitSphere
 
 @dataclass(frozen=True)
 class Split:
-    """Objects of one split. The clouds of each are normalized so that the truth fills the unit sphere.
+    """Objects of one split. The clouds of each are normalised so that the truth fills the unit sphere.
 
     Clouds that were loaded from a folder are memory-mapped: they are read when they are accessed.
     """
@@ -27,7 +27,7 @@ class Split:
     points: Sequence[Float[Tensor, "n 3"]]
     touches: Sequence[Float[Tensor, "a m 3"]]
     spheres: Sequence[UnitSphere]
-    """Normalization of each object, from its own frame to that of the clouds."""
+    """Normalisation of each object, from its own frame to that of the clouds."""
     covered: Sequence[Sequence[float]]
     """For each object, the share of the truth's points that its first 1, 2, … touches cover."""
     about: dict[str, Any]

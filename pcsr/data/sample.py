@@ -28,7 +28,7 @@ KINDS = ("random", "poisson", "fps", "view")
 
 @dataclass(frozen=True)
 class Sample:
-    """Clouds of one object, normalized so that the truth fills the unit sphere."""
+    """Clouds of one object, normalised so that the truth fills the unit sphere."""
 
     name: str
     group: str
@@ -36,7 +36,7 @@ class Sample:
     points: Float[np.ndarray, "n 3"]
     touches: Float[np.ndarray, "a m 3"]
     sphere: UnitSphere
-    """Normalization, from the object's own frame to that of the clouds."""
+    """Normalisation, from the object's own frame to that of the clouds."""
     coverage: tuple[float, ...]
     """Share of the truth's points that the first 1, 2, … touches cover."""
     sensor: str

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr.clouds.convert import convert
+from pcsr.clouds.faults import warn_of_faults
 from pcsr.clouds.meshes import check_faces
 from pcsr.contracts import Metric
 from pcsr.errors import UserError, did_you_mean
@@ -18,6 +19,7 @@ from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, NamedMetric
 from pcsr.metrics.emd import check_sizes
+from pcsr.metrics.units import warn_of_units
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.tensors import Mesh
 from pcsr.threads import threads
@@ -58,6 +60,10 @@ def evaluate(
         UserError: a name or the frame is unknown, a metric is not possible, a point is not finite, or the coordinates
             are so large or small that their squares overflow or vanish in double precision.
 
+    Warns:
+        PcsrWarning: a cloud has sentinels of invalid pixels or far outliers, which are used like all other points, or
+            the clouds or the mesh differ so much in size that their units must differ.
+
     Examples:
         >>> truth = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
         >>> evaluate(truth + [0.0, 0.0, 0.5], truth, metrics=["cd", "hd"])
@@ -80,6 +86,14 @@ def evaluate(
     chosen = named([metrics] if isinstance(metrics, str) else metrics, plugins)
     spheres = [UnitSphere.fit(cloud) for cloud in frames[frame]] or [IDENTITY] * 2
     scaled = [_scaled(cloud, sphere, frame) for cloud, sphere in zip(clouds, spheres, strict=True)]
+    for cloud, which in zip(clouds, ("the prediction", "the truth"), strict=True):
+        warn_of_faults(cloud, which)
+    if frame != "each":
+        remedy = "convert one, or normalise each by itself (--frame each)"
+        warn_of_units(clouds[0], "the prediction", clouds[1], "the truth", remedy=remedy)
+    if surface:
+        beside, which = (clouds[0], "the prediction") if frame == "each" else (clouds[1], "the truth")
+        warn_of_units(surface[0], "the mesh", beside, which)
     judged, true = (torch.from_numpy(cloud) for cloud in scaled)
     values = {}
     with threads(1):

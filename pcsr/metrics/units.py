@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from pcsr.errors import PcsrWarning
 
-SUSPICIOUS = 5.0
-"""Ratio of sizes from which on two clouds are taken to be in different units: part of an object is seldom so small."""
+MOST_RATIO = 3.0
+"""Largest ratio of the sizes of two clouds that are in the same unit. A metre has 3.28 feet."""
 USUAL = (10.0, 25.4, 100.0, 304.8, 1000.0, 1e6)
 """Ratios of usual units: millimetres, centimetres, inches, feet, metres and micrometres."""
 CLOSE = 0.15
@@ -16,39 +16,43 @@ CLOSE = 0.15
 
 
 def warn_of_units(
-    points: Float[np.ndarray, "n 3"], name: str, others: Float[np.ndarray, "m 3"], other_name: str
+    points: Float[np.ndarray, "n 3"],
+    name: str,
+    others: Float[np.ndarray, "m 3"],
+    other_name: str,
+    *,
+    remedy: str = "convert one",
 ) -> None:
-    """Warn if one cloud is several times larger than another that shows the same object.
+    """Warn if one cloud is several times as large as another that shows the same object.
 
     Args:
         points: a cloud.
         name: its name in the warning.
         others: another cloud, or the vertices of a mesh.
         other_name: its name in the warning.
+        remedy: what to do if the units differ.
 
     Warns:
-        PcsrWarning: the ratio of the sizes is `SUSPICIOUS` or more.
+        PcsrWarning: the sizes differ by more than `MOST_RATIO`.
     """
-    first, second = _size(points), _size(others)
-    if not (first > 0 and second > 0):
-        return
-    large, small = (name, other_name) if first > second else (other_name, name)
-    ratio = max(first / second, second / first)
-    if ratio >= SUSPICIOUS:
-        usual = [one for one in USUAL if abs(ratio / one - 1) <= CLOSE]
+    sizes = {name: _size(points), other_name: _size(others)}
+    (smaller, small), (larger, large) = sorted(sizes.items(), key=lambda one: one[1])
+    if 0 < small * MOST_RATIO < large:
+        ratio = large / small
+        shown = next((one for one in USUAL if abs(ratio / one - 1) <= CLOSE), ratio)
         warnings.warn(
-            f"{large} is {_shown(usual[0] if usual else ratio)} times larger than {small}: are the units the same?",
+            f"{larger} is {_shown(shown)} times as large as {smaller}: if their units differ, {remedy}",
             PcsrWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
 
 
-def _size(points: np.ndarray) -> float:
-    """Return the median distance from the median point, which stray points do not change; the extent if that is 0."""
-    middle = np.median(points, axis=0)
-    with np.errstate(over="ignore"):
-        typical = float(np.median(np.linalg.norm(points - middle, axis=1)))
-    return typical if np.isfinite(typical) and typical > 0 else float(np.abs(points - middle).max())
+def _size(points: Float[np.ndarray, "n 3"]) -> float:
+    """Return the median distance from the median point, which few outliers don't change; the largest if that is 0."""
+    scale = float(np.abs(points).max()) or 1.0  # so that no difference overflows
+    inside = points / scale
+    distance = np.linalg.norm(inside - np.median(inside, axis=0), axis=1)
+    return float(np.median(distance) or distance.max()) * scale
 
 
 def _shown(ratio: float) -> str:

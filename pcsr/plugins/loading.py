@@ -113,14 +113,19 @@ def _import_file(file: Path) -> ModuleType:
 
 
 def why(registry: Registry, name: str) -> str:
-    """Explain where a part or plugin comes from, or why it is missing, as `pcsr plugins --why NAME` prints it."""
+    """Explain where a part or plugin comes from, or why a plugin failed, as `pcsr plugins --why NAME` prints it.
+
+    Raises:
+        UserError: no plugin is called so or registers such a part; the message lists the plugins that failed to load.
+    """
     lines = [
         f"{e.kind} '{e.name}' comes from {e.owner} {e.version} ({_where(e.target)})"
         for e in registry
         if name in (e.name, e.owner)
     ]
     failures = [f for f in registry.failures if name == f.owner]
-    if not lines and not failures:
+    unknown = not lines and not failures
+    if unknown:
         known = {entry.name for entry in registry} | {entry.owner for entry in registry}
         meant = did_you_mean(name, sorted(known))
         hint = f": {meant}" if meant.startswith("did") else "; a part in a file needs --plugin FILE"
@@ -130,6 +135,8 @@ def why(registry: Registry, name: str) -> str:
         lines.append(f"{failure.owner} {failure.version} failed to load: {failure.message}")
         if not isinstance(failure.error, PcsrError):
             lines.append(_location(failure.error))
+    if unknown:
+        raise UserError("\n".join(lines))
     return "\n".join(lines)
 
 

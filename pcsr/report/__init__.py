@@ -8,13 +8,13 @@ from pcsr.errors import UserError
 from pcsr.files import write_bytes, write_text
 from pcsr.report.run_set import run_set
 from pcsr.report.tables.comparison import compare
-from pcsr.report.tables.run_table import table
+from pcsr.report.tables.run_table import summary, table
 from pcsr.report.web.comparison_page import comparison_page
 from pcsr.report.web.document import plotly_source
 from pcsr.report.web.page import render
 from pcsr.run_files import FinishedRun
 
-__all__ = ["compare", "table", "write_comparison", "write_figures", "write_page"]
+__all__ = ["compare", "summary", "table", "write_comparison", "write_figures", "write_page"]
 
 REPORT = "report.html"
 

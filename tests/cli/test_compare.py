@@ -1,5 +1,6 @@
 """`pcsr compare`: parts against each other on the same data, to one table and one page."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,12 @@ def compare(tmp_path, monkeypatch):
 def test_two_fusions_and_two_seeds_become_one_table_and_one_page(compare, tmp_path):
     done = compare(SMOKE, *TINY, "--fusion", "concat", "--fusion", "iterative", "--seeds", "2", "--name", "mine")
     assert done.exit_code == 0, done.output
+    stages = ("building the train data", "building the validation data", "building the test data", "training, loss")
+    for stage in (*stages, "evaluating"):
+        assert [line.startswith(stage) for line in done.stderr.splitlines()].count(True) == 4, "one line each"
+    summaries = re.findall(r"^(\S+): cd ×10³ [\d.]+ ± [\d.]+; report: runs/\S+/report.html$", done.stdout, re.M)
+    assert summaries == [f"smoke-fusion.{fusion}-seed.{seed}" for fusion in ("concat", "iterative") for seed in (0, 1)]
+    assert done.stdout.count("parameters") == 1, "the runs' own tables would say the same again"
     folders = sorted(path.name.rpartition("-")[0] for path in (tmp_path / "runs").glob("smoke-*"))
     assert folders == [f"smoke-fusion.{fusion}-seed.{seed}" for fusion in ("concat", "iterative") for seed in (0, 1)]
     assert len(list((tmp_path / "runs" / "data").iterdir())) == 1, "all saw the same data"

@@ -24,7 +24,7 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
     assert told.exit_code == 0, told.output
     assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "normalized by the bounding sphere of the truth" in " ".join(told.output.split())
+    assert "normalised by the bounding sphere of the truth" in " ".join(told.output.split())
     plain = run(
         "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
     )
@@ -32,6 +32,17 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     wrong = run("evaluate", tmp_path / "made.ply", tmp_path / "none.ply")
     assert wrong.exit_code == 2
     assert "none.ply" in wrong.output
+
+
+def test_columns_of_text_are_named(tmp_path):
+    points = np.random.default_rng(0).normal(size=(40, 3))
+    write_points(tmp_path / "a.ply", points)
+    np.savetxt(tmp_path / "b.txt", np.column_stack([np.arange(40), points]), "%d %.17g %.17g %.17g")
+    files = (tmp_path / "a.ply", tmp_path / "b.txt", "--json", "--metric", "cd")
+    assert json.loads(run("evaluate", *files, "--columns", "-,x,y,z").output)["cd"] == 0
+    wrong = run("evaluate", tmp_path / "a.ply", tmp_path / "a.ply", "--columns", "-,x,y,z")
+    assert wrong.exit_code == 2
+    assert "neither cloud is text" in wrong.output
 
 
 def test_it_says_why_there_is_no_emd(tmp_path):
@@ -54,8 +65,8 @@ def test_it_measures_as_python_does_in_every_frame(tmp_path, frame):
     assert json.loads(told.output) == evaluate(made, truth, frame=frame)
     table = " ".join(run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame).output.split())
     captions = {
-        "truth": "normalized by the bounding sphere of the truth",
-        "each": "Each cloud is normalized",
+        "truth": "normalised by the bounding sphere of the truth",
+        "each": "Each cloud is normalised",
         "none": "in the unit of the clouds",
     }
     assert captions[frame] in table

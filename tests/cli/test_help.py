@@ -156,6 +156,7 @@ def test_a_command_that_succeeds_exits_with_zero(invoke, command):
 
 
 def test_main_exits(monkeypatch, capsys):
+    monkeypatch.setenv("PYTHONWARNINGS", "ignore")  # main sets it, and processes of later tests would inherit it
     with pytest.raises(SystemExit) as caught:
         cli.main(["--version"])
     assert caught.value.code == 0

@@ -71,6 +71,12 @@ def test_why_a_part_is_there():
     assert result.output.startswith("fusion 'iterative' comes from pcsr ")
 
 
+def test_why_of_an_unknown_name_is_a_mistake():
+    result = invoke("--why", "iterativ")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "called 'iterativ': did you mean 'iterative'?" in result.stderr
+
+
 def test_commands_of_plugins_are_listed_and_those_that_ours_hide(tmp_path, monkeypatch):
     info = tmp_path / "lab-1.dist-info"
     info.mkdir()

@@ -128,6 +128,33 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     assert not np.array_equal(read_points(tmp_path / "plain.npy"), read_points(tmp_path / "out.npy"))
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("always::pcsr.PcsrWarning")
+def test_columns_of_text_are_guessed_aloud_or_given(tmp_path):
+    rows = np.column_stack([np.arange(80), bowl(), np.full(80, 250), np.full((80, 2), 9)])
+    np.savetxt(tmp_path / "scan.txt", rows, "%d %.6f %.6f %.6f %d %d %d")
+    guessed = run("upsample", tmp_path / "scan.txt", "-o", tmp_path / "guessed.ply", "--model", "midpoint")
+    assert guessed.exit_code == 0, guessed.output
+    said = " ".join(guessed.output.split())
+    assert "its first column holds integers and was taken for x" in said
+    assert "its columns 5 to 7 were taken for colours" in said
+    names = ("--columns", "-,x,y,z,red,green,blue")
+    told = run("upsample", tmp_path / "scan.txt", "-o", tmp_path / "told.ply", "--model", "midpoint", *names)
+    assert told.exit_code == 0, told.output
+    assert "taken for" not in told.output
+    dense = read_cloud(tmp_path / "told.ply")
+    np.testing.assert_allclose(dense.points[:80], rows[:, 1:4], atol=1e-6)
+    assert {name: column[0] for name, column in dense.columns.items()} == {"red": 250, "green": 9, "blue": 9}
+    command = [Path(sys.executable).with_name("pcsr"), "upsample", "-", "-o", "-", "--model", "midpoint", *names]
+    content = (tmp_path / "scan.txt").read_bytes()
+    piped = subprocess.run([*map(str, command), "--format", "txt"], input=content, capture_output=True, check=False)
+    assert piped.returncode == 0, piped.stderr
+    assert piped.stdout.startswith(b"x y z red green blue\n")
+    wrong = run("upsample", tmp_path / "told.ply", "-o", tmp_path / "b.ply", *names)
+    assert wrong.exit_code == 2
+    assert "--columns is for .asc, .csv, .pts, .txt, .xyz" in " ".join(wrong.output.split())
+
+
 def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
     points = bowl()
     points[3, 1] = np.nan
@@ -138,7 +165,7 @@ def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
     assert "2 of " in refused.output
     dropped = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--bad", "drop", "--model", "midpoint")
     assert dropped.exit_code == 0, dropped.output
-    assert "2 points are not finite and were dropped" in dropped.output
+    assert "2 of 80 points have a coordinate that is not finite, such as point 3, counted from 0" in dropped.output
     assert len(read_points(tmp_path / "out.npy")) == 4 * 78
 
 
@@ -150,7 +177,7 @@ def test_points_that_are_not_finite_are_refused_or_dropped(tmp_path):
         (b"1 2 3\n4 five 6\n", "in.xyz", "line 2"),
         (b"1 2 3\n" * 3, "in.ply", "in.ply"),
         (b"1 2 3\n2 3 4\n3 4 6\n", "in.xyz", "the cloud has 3 points: at least 16 are needed"),
-        (b"1 2 3\n" * 20, "in.xyz", "all 20 points of the cloud lie on one spot"),
+        (b"1 2 3\n" * 20, "in.xyz", "lie on one spot"),
         (b"1 2 3\n", "in.doc", "'.doc'"),
     ],
 )

@@ -8,6 +8,7 @@ from pcsr.clouds import carry as module
 from pcsr.clouds.carry import carry
 
 RNG = np.random.default_rng(0)
+QUATERNION = ["rot_0", "rot_1", "rot_2", "rot_3"]
 
 
 def world(n, m, seed):
@@ -23,6 +24,10 @@ def world(n, m, seed):
         "nz": rng.normal(size=n),
         "normals": rng.normal(size=(n, 3)).astype(np.float32),
         "label": rng.integers(-9, 9, n),
+        "scalar_Classification": rng.integers(0, 9, n).astype(np.float32),
+        "gps_time": 1e5 * rng.random(n),
+        "intensity of 16 bits": rng.integers(0, 65536, n).astype(np.uint16),
+        **{name: rng.normal(size=n) for name in QUATERNION},
         "seen": rng.random(n) < 0.5,
         "weights": rng.random((n, 2)),
     }
@@ -40,16 +45,26 @@ def slow(columns, old, new, k):
             total = sum(1 / distance[i] for i in near)
             return sum(np.asarray(column[i], np.float64) / distance[i] for i in near) / total
 
-        def unit(vector):
-            return vector / np.linalg.norm(vector)
+        def direction(vectors, near=near, distance=distance):
+            lengths = [float(np.linalg.norm(vectors[i])) for i in near]
+            units = [vectors[i] / length for i, length in zip(near, lengths, strict=True)]
+            total = np.zeros(vectors.shape[1])
+            for i, unit in zip(near, units, strict=True):
+                cosine = float(unit @ units[0])
+                if abs(cosine) >= 0.5:
+                    total += (unit if cosine > 0 else -unit) / distance[i]
+            return total / np.linalg.norm(total)
 
-        normal = unit(mean(np.stack([columns["nx"], columns["ny"], columns["nz"]], axis=1)))
+        normal = direction(np.stack([columns["nx"], columns["ny"], columns["nz"]], axis=1))
+        quaternion = direction(np.stack([columns[name] for name in QUATERNION], axis=1))
         for name, column in columns.items():
             if name in ("nx", "ny", "nz"):
                 made[name].append(normal["xyz".index(name[1])])
+            elif name in QUATERNION:
+                made[name].append(quaternion[QUATERNION.index(name)])
             elif name == "normals":
-                made[name].append(unit(mean(column)))
-            elif name in ("label", "seen"):
+                made[name].append(direction(column.astype(np.float64)))
+            elif name in ("label", "seen", "scalar_Classification", "gps_time"):
                 made[name].append(column[near[0]])
             else:
                 value = mean(column)
@@ -66,7 +81,7 @@ def test_it_does_what_two_loops_do(n, m, k, seed):
         assert fast[name].dtype == columns[name].dtype
         assert fast[name].shape == (m, *columns[name].shape[1:])
         # One nearest point alone gives its normal as it is, of whatever length.
-        if min(k, n) > 1 or name not in ("nx", "ny", "nz", "normals"):
+        if min(k, n) > 1 or name not in ("nx", "ny", "nz", "normals", *QUATERNION):
             np.testing.assert_allclose(fast[name], expected.reshape(fast[name].shape), rtol=1e-5, atol=1e-6)
 
 
@@ -102,7 +117,7 @@ def test_means_stay_between_what_they_are_of():
         assert carried.max() <= columns[name].max()
 
 
-def test_normals_have_length_one_and_opposite_ones_give_the_nearest():
+def test_normals_have_length_one_and_the_sign_of_the_nearest():
     old = np.array([[0.0, 0, 0], [1, 0, 0]])
     normals = np.array([[0.0, 0, 1], [0, 0, -1]])
     columns = {"nx": normals[:, 0], "ny": normals[:, 1], "nz": normals[:, 2], "normal": normals}

@@ -104,7 +104,8 @@ REFUSED = {
     "write PCD": (["upsample", "scan.ply", "-o", "new.pcd"], "the format PCD needs pypcd4", "pcd"),
     "write LAS": (["upsample", "scan.ply", "-o", "new.las"], "the format LAS needs laspy", "las"),
     "surface": (["upsample", "scan.ply", "-o", "new.ply", "--mesh", "new.obj"], "needs open3d", "open3d"),
-    "window": (["view", "scan.ply"], "needs open3d", "open3d"),
+    "page of clouds": (["view", "scan.ply"], "the viewer needs plotly", "report"),
+    "picture of clouds": (["view", "scan.ply", "-o", "new.png"], "a picture needs matplotlib", "report"),
     "Dask": (
         ["upsample", "scan.ply", "-o", "new.ply", "--scheduler", "tcp://localhost:1"],
         "--scheduler tcp://localhost:1 needs distributed",

@@ -34,7 +34,7 @@ BEGINNINGS = {
     ".e57": b"ASTM-E57",
 }
 """First bytes that a file of a format must have, by suffix."""
-TEXT = (".xyz", ".txt", ".csv", ".obj", ".off")
+TEXT = (".xyz", ".txt", ".asc", ".csv", ".pts", ".ptx", ".obj", ".off")
 """Suffixes of formats that are always text."""
 
 

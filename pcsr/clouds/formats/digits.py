@@ -1,19 +1,17 @@
 """Numbers as text: reading rows of numbers, and writing numbers with the fewest digits."""
 
-import re
 import warnings
+from array import array
 from io import StringIO
 
 import numpy as np
 
+from pcsr.clouds.formats.missing import number
 from pcsr.errors import UserError
 from pcsr.limits import LONGEST_LINE
 
 MANY_LINES = 10**6
 """Texts of more lines than this are refused if nearly all of them are empty."""
-
-WINDOWS = re.compile(r"([+-]?)(?:nan\(\w*\)|1\.#(\w+))", re.IGNORECASE)
-"""Words by which C libraries of Windows write numbers that are not finite: -nan(ind), 1.#QNAN, -1.#INF."""
 
 
 def check_lines(data: bytes, start: int = 0) -> None:
@@ -55,36 +53,33 @@ def load_rows(text: str, count: int | None = None) -> np.ndarray:
         warnings.simplefilter("ignore", UserWarning)  # of no rows and of empty lines
         try:
             return np.loadtxt(StringIO(text, newline=None), np.float64, comments=None, ndmin=2, max_rows=count)
-        except ValueError as error:
-            plain = WINDOWS.sub(_not_finite, text)
-            if plain != text:
-                return load_rows(plain, count)
-            raise UserError(f"its rows of numbers cannot be read: {_explanation(text)}") from error
+        except ValueError:  # 1.#QNAN and the like are left to Python
+            return _load_spelled(text, count)
 
 
-def as_number(word: str) -> float | None:
-    """Return the number that a word writes, or None if it writes none."""
-    try:
-        return float(WINDOWS.sub(_not_finite, word))
-    except ValueError:
-        return None
-
-
-def _not_finite(found: re.Match[str]) -> str:
-    return f"{found[1]}inf" if found[2] and found[2].upper().startswith("INF") else "nan"
-
-
-def _explanation(text: str) -> str:
-    """Say what is wrong with the first row that has another length than the first one or a word that is no number."""
-    first = 0
-    for number, row in enumerate((row for line in text.splitlines() if (row := line.split())), 1):
-        first = first or len(row)
-        if len(row) != first:
-            return f"row {number} has {len(row)} numbers and the first has {first}: it is cut off or damaged"
+def _load_spelled(text: str, count: int | None) -> np.ndarray:
+    """Read rows as `load_rows` does, with every spelling of numbers that are not finite."""
+    values, width, at = array("d"), 0, 0
+    for row in map(str.split, StringIO(text, newline=None)):
+        if at == count:
+            break
+        if not row:
+            continue
+        at, width = at + 1, width or len(row)
+        if len(row) != width:
+            raise UserError(
+                f"its rows of numbers cannot be read: row {at} has {len(row)} numbers and the first has {width}: it "
+                f"is cut off or damaged"
+            )
         for word in row:
-            if as_number(word) is None:
-                return f"row {number} has '{word[:40]}', which is no number"
-    return "one of their numbers has a form that is not known"
+            try:
+                values.append(number(word))
+            except ValueError:
+                remedy = "write decimal points, not commas" if "," in word else "it is damaged"
+                raise UserError(
+                    f"its rows of numbers cannot be read: '{word[:80]}' in row {at} is no number: {remedy}"
+                ) from None
+    return np.array(values).reshape(-1, width or 1)
 
 
 def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:

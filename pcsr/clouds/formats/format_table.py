@@ -1,11 +1,25 @@
 """The formats of clouds: reader, writer and memory of each, and the choice of a file's format."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import arrays, binary, colmap, e57, las, mesh, obj_writing, pcd, ply, ply_writing, text
+from pcsr.clouds.formats import (
+    arrays,
+    binary,
+    colmap,
+    e57,
+    las,
+    mesh,
+    obj_writing,
+    pcd,
+    ply,
+    ply_writing,
+    pts,
+    ptx,
+    text,
+)
 from pcsr.errors import UserError
 
 T = TypeVar("T")
@@ -15,7 +29,10 @@ CLOUD_READERS: dict[str, Callable[[bytes], Cloud]] = {
     ".pcd": pcd.read,
     ".xyz": text.read_xyz,
     ".txt": text.read_xyz,
+    ".asc": text.read_xyz,
     ".csv": text.read_csv,
+    ".pts": pts.read_pts,
+    ".ptx": ptx.read_ptx,
     ".npy": arrays.read_npy,
     ".npz": arrays.read_npz,
     ".obj": mesh.read_obj,
@@ -27,6 +44,14 @@ CLOUD_READERS: dict[str, Callable[[bytes], Cloud]] = {
     ".e57": e57.read,
 }
 """Readers by the suffix of the file."""
+TEXT_READERS: dict[str, Callable[..., Cloud]] = {
+    ".xyz": text.read_xyz,
+    ".txt": text.read_xyz,
+    ".asc": text.read_xyz,
+    ".csv": text.read_csv,
+    ".pts": pts.read_pts,
+}
+"""Those of them that take names of columns."""
 NAMED_READERS: dict[str, Callable[[bytes], Cloud]] = {
     "kitti": binary.read_kitti,
     "nuscenes": binary.read_nuscenes,
@@ -38,7 +63,9 @@ CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
     ".pcd": pcd.write,
     ".xyz": text.write_xyz,
     ".txt": text.write_xyz,
+    ".asc": text.write_xyz,
     ".csv": text.write_csv,
+    ".pts": pts.write_pts,
     ".npy": arrays.write_npy,
     ".npz": arrays.write_npz,
     ".obj": obj_writing.write,
@@ -49,8 +76,11 @@ CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
 MEMORY = {
     ".xyz": 11.0,
     ".txt": 11.0,
+    ".asc": 11.0,
     ".csv": 11.0,
-    ".obj": 8.0,
+    ".pts": 11.0,
+    ".ptx": 11.0,
+    ".obj": 9.0,
     ".off": 8.0,
     ".glb": 6.0,
     ".stl": 11.0,
@@ -59,6 +89,8 @@ MEMORY = {
 """Peak memory of reading a file, relative to the size of the file, measured on a million points."""
 LEAST_MEMORY = 3.0
 """Peak memory of reading a file of a kind that `MEMORY` does not list, relative to the size of the file."""
+FINITE_ONLY = (".las", ".laz", ".obj")
+"""Formats whose coordinates are finite: those of LAS are integers, and few readers of OBJ take others."""
 BIN = {
     "kitti": "float32 x y z intensity",
     "nuscenes": "float32 x y z intensity ring",
@@ -96,6 +128,24 @@ def format_of(path: Path, chosen: str | None = None) -> str:
 def named_by(path: Path) -> bool:
     """Return whether the name of a file tells its format."""
     return path.suffix.lower() in CLOUD_READERS or path.name.lower() == COLMAP_FILE
+
+
+def check_columns(columns: str | Sequence[str] | None, kind: str, name: str) -> None:
+    """Check that names of columns are given for a format that takes them.
+
+    Args:
+        columns: names of the columns, or None.
+        kind: suffix or name of the format.
+        name: name of the file, for the message.
+
+    Raises:
+        UserError: they are given for another.
+    """
+    if columns is not None and kind not in TEXT_READERS:
+        raise UserError(
+            f"{name} is a {kind} file, whose columns have names or places of their own: --columns is for "
+            f"{', '.join(sorted(TEXT_READERS))}"
+        )
 
 
 def memory(kind: str) -> float:

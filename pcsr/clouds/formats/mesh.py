@@ -7,12 +7,13 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOURS, NORMALS
 from pcsr.clouds.formats import stl
 from pcsr.clouds.formats.digits import check_lines, load_rows
+from pcsr.clouds.formats.encodings import as_utf8
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
 
@@ -21,56 +22,71 @@ MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 """Suffixes of mesh files."""
 MEMORY = 11.0
 """Peak memory of reading a mesh, relative to the size of the file."""
+VERTEX = re.compile(r"^[ \t]*v[ \t]+([^\r\n#]*(?:(?<=1\.)#[^\r\n#]*)*)", re.MULTILINE)
+"""Numbers of a vertex, 1.#QNAN among them, ahead of a comment."""
 NORMAL_OF_CORNER = re.compile(r"(?<=\s)(-?\d+)/\d*/(-?\d+)")
 OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF\b(?!\s*BINARY)")
 
 
 def read_obj(data: bytes) -> Cloud:
-    """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order."""
+    """Read the vertices of an OBJ file with their colours, and normals if each vertex has one, in the same order.
+
+    Vertices without a colour are black if others have one.
+    """
     text = obj_text(data)
-    rows, notes = obj_vertices(text)
-    columns = _named(COLOURS, rows[:, 3:]) if rows.shape[1] > 4 else {}  # the last of four numbers is a weight
+    rows, coloured = obj_vertices(text)
+    columns = _named(COLOURS, rows[:, 3:]) if coloured.any() else {}
+    notes = []
+    if columns and not coloured.all():
+        notes.append(f"{(~coloured).sum()} of {len(rows)} vertices have no colour and became black")
     normals = load_rows("\n".join(re.findall(r"^[ \t]*vn[ \t]+([^\r\n#]*)", text, re.MULTILINE)))
     # Faces may use different normals for one vertex, which then has none.
     own = all(vertex == normal for vertex, normal in NORMAL_OF_CORNER.findall(text))
     if normals.shape == (len(rows), 3) and own:
         columns |= _named(NORMALS, normals)
-    return Cloud(np.ascontiguousarray(rows[:, :3]), columns, {"notes": notes})
+    return Cloud(np.ascontiguousarray(rows[:, :3]), columns, {"notes": tuple(notes)} if notes else {})
 
 
 def obj_text(data: bytes) -> str:
     """Return the text of an OBJ file, with continued lines joined."""
     check_lines(data)
-    return re.sub(r"\\\r?\n", " ", data.decode("utf-8-sig", "surrogateescape"))
+    return re.sub(r"\\\r?\n", " ", as_utf8(data)[0].decode("utf-8", "surrogatepass"))
 
 
-def obj_vertices(text: str) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the numbers of each vertex of an OBJ file, 3, 4, 6 or 7, and a note on colours that were left out.
+def obj_vertices(text: str) -> tuple[Float[np.ndarray, "n c"], Bool[np.ndarray, " n"]]:
+    """Return coordinates with colours, which are 0 where a vertex has none; and which vertices have one.
 
     Raises:
-        UserError: there are no vertices, or some of them have another number of numbers.
+        UserError: there are no vertices, or one has neither 3 or 4 nor 6 or 7 numbers.
     """
-    lines = re.findall(r"^[ \t]*v[ \t]+([^\r\n#]*)", text, re.MULTILINE)
-    if not lines:
+    lines = VERTEX.findall(text)
+    widths = np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))
+    if not widths.any():
         raise UserError("it holds no points")
-    widths = [len(line.split()) for line in lines]
-    bad = next((number for number, width in enumerate(widths, 1) if width not in (3, 4, 6, 7)), None)
-    if bad is not None:
-        raise UserError(f"its vertex {bad} has {widths[bad - 1]} numbers: 3 are needed, 6 or 7 with colours")
-    if len(set(widths)) == 1:
-        return load_rows("\n".join(lines)), ()
-    coloured = sum(width > 4 for width in widths)
-    if coloured == len(widths):  # with alpha and without
-        return load_rows("\n".join(" ".join(line.split()[:6]) for line in lines)), ()
-    rows = load_rows("\n".join(" ".join(line.split()[:3]) for line in lines))
-    note = f"only {coloured} of its {len(widths)} vertices have colours: these were left out"
-    return rows, (note,) if coloured else ()
+    if len(odd := np.flatnonzero(~np.isin(widths, (3, 4, 6, 7)))):
+        raise UserError(
+            f"vertex {odd[0] + 1} has {widths[odd[0]]} numbers: 3 are needed, 6 or 7 with colours; it is cut off or "
+            f"damaged"
+        )
+    coloured = widths > 4
+    # Of four numbers the last is a weight. Alpha is read if all colours have it.
+    channels = int(widths[coloured].min()) - 3 if coloured.any() else 0
+    kept = 3 + channels
+    if widths.min() != widths.max():
+        black = ["0"] * channels
+        lines = [
+            " ".join(line.split()[:kept] if width > 4 else [*line.split()[:3], *black])
+            for line, width in zip(lines, widths, strict=True)
+        ]
+    text = "\n".join(lines)
+    lines.clear()  # saves a quarter of the memory
+    return load_rows(text)[:, :kept], coloured
 
 
 def read_off(data: bytes) -> Cloud:
     """Read the vertices of an OFF file, with the normals of NOFF and the colours of COFF."""
     check_lines(data)
-    text = re.sub(r"#.*", "", data.decode("utf-8-sig"))
+    text = re.sub(r"(?<!1\.)#.*", "", as_utf8(data)[0].decode("utf-8", "surrogatepass"))
     header = OFF_HEADER.match(text)
     if not header:
         raise UserError("it does not begin with 'OFF', or is binary: convert it to text")

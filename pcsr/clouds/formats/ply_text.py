@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from pcsr.clouds.formats.digits import as_number, check_lines, load_rows
+from pcsr.clouds.formats import missing
+from pcsr.clouds.formats.digits import check_lines, load_rows
 from pcsr.clouds.formats.ply_header import Element, Header
 from pcsr.errors import UserError
 
@@ -146,10 +147,10 @@ def _table(words: list[str], element: Element, starts: list[int]) -> dict[str, n
             continue
         column = np.zeros(len(at))
         for row, index in enumerate(at):
-            number = as_number(words[index])
-            if number is None:
-                raise UserError(f"'{each.name}' of point {row} is '{words[index][:40]}', which is no number")
-            column[row] = number
+            try:
+                column[row] = missing.number(words[index])
+            except ValueError:
+                raise UserError(f"'{each.name}' of point {row} is '{words[index][:40]}', which is no number") from None
         table[each.name] = column
         at = [index + 1 for index in at]
     return table

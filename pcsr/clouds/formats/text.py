@@ -1,221 +1,165 @@
-"""XYZ, TXT and CSV: a point on each line, with or without a line of column names; all columns are kept."""
+"""XYZ, TXT, ASC and CSV: a point on each line, with or without names of columns; all columns are kept."""
 
-import csv
-import re
-import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
-from io import StringIO
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.columns import NORMALS, colour_names, one_word_names, spread, unused
+from pcsr.clouds.columns import one_word_names, spread
+from pcsr.clouds.formats.attributes import name_columns
+from pcsr.clouds.formats.column_names import given_names
 from pcsr.clouds.formats.digits import check_lines, words
+from pcsr.clouds.formats.encodings import as_utf8
+from pcsr.clouds.formats.preamble import BLANK, COMMENT, COUNT, Preamble, read_preamble
+from pcsr.clouds.formats.separators import find_layout
+from pcsr.clouds.formats.table import INTEGER, Rows, read_table
+from pcsr.clouds.formats.titles import Names, check_given, choose_names, find_names
 from pcsr.errors import UserError
 from pcsr.limits import MOST_COLUMNS
 
-COMMENT = re.compile(r"^[ \t]*(?:#|//).*$", re.MULTILINE)
-"""Line that is a comment."""
-DECIMAL_COMMAS = re.compile(r"\A\s*[+-]?\d+,\d+(?:[ \t;]+[+-]?\d+,\d+)+[ \t]*$", re.MULTILINE)
-"""First line of numbers with decimal commas, separated by spaces or semicolons."""
-INTEGER = re.compile(r"[+-]?\d{1,19}")
-"""Word that may be a 64-bit integer."""
 
-
-def read_xyz(data: bytes) -> Cloud:
-    """Read numbers separated by white space or commas.
+def read_xyz(data: bytes, *, columns: str | Sequence[str] | None = None, all_columns: bool = True) -> Cloud:
+    """Read numbers separated by white space, semicolons, tabs, bars or commas.
 
     If the file does not name columns x, y and z, the first three columns are the coordinates.
-    """
-    return _read(data, comma=False, all_columns=True)
-
-
-def read_csv(data: bytes) -> Cloud:
-    """Read numbers separated by commas; names of columns, if there are any, must include x, y and z."""
-    return _read(data, comma=True, all_columns=True)
-
-
-def xyz_points(data: bytes) -> np.ndarray:
-    """Read the coordinates as `read_xyz` does; other columns need not be numbers."""
-    return _read(data, comma=False, all_columns=False).points
-
-
-def csv_points(data: bytes) -> np.ndarray:
-    """Read the coordinates as `read_csv` does; other columns need not be numbers."""
-    return _read(data, comma=True, all_columns=False).points
-
-
-def _read(data: bytes, *, comma: bool, all_columns: bool) -> Cloud:
-    check_lines(data)
-    text = data.decode("utf-8-sig")
-    bare = COMMENT.sub("", text) if "#" in text or "//" in text else text
-    if not comma and DECIMAL_COMMAS.search(bare):
-        raise UserError("it has decimal commas, 1,5 for 1.5: write decimal points, since commas separate columns here")
-    rows = _split(bare.lstrip(), comma)
-    _, first = next(rows, (0, []))
-    names = _names(first)
-    width = len((next(rows, (0, first)) if names else (0, first))[1])
-    if max(width, len(names)) > MOST_COLUMNS:
-        raise UserError(f"it has {max(width, len(names))} columns, and {MOST_COLUMNS} are the most: remove some")
-    coordinates = _coordinates(names, must=comma) if names else [0, 1, 2]
-    if all_columns and names and width != len(names) and first:
-        raise UserError(f"its line of names has {len(names)} columns, the line after it has {width}")
-    known = names or (_names_in_comment(text, width) if all_columns else [])
-    if known and not names:
-        coordinates = _coordinates(known, must=False)
-    table = _numbers(text, bare, comma, bool(names), width if all_columns else None, coordinates)
-    if not len(table):
-        raise UserError("it holds no points")
-    points = np.stack([np.asarray(table[f"{i}"], np.float64) for i in coordinates], axis=-1)
-    columns: dict[str, np.ndarray] = {}
-    for i in range(width if all_columns else 0):
-        if i not in coordinates:
-            name = unused((known[i] if known else "") or f"c{i}", [*columns, "x", "y", "z"])
-            column = np.ascontiguousarray(table[f"{i}"])
-            # Normals along the axes may be written as integers.
-            columns[name] = column.astype(np.float64) if name.lower() in NORMALS else column
-    return Cloud(points, _colours_in_bytes(columns), {"text": {"header": bool(names)}})
-
-
-def _colours_in_bytes(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Convert integer colours to 8 or 16 bits if all are up to 255 or 65535, as in binary formats."""
-    colours = colour_names(columns)
-    if not colours or any(columns[name].dtype.kind != "i" for name in colours):
-        return columns
-    if min(columns[name].min() for name in colours) < 0:
-        return columns
-    highest = max(columns[name].max() for name in colours)
-    kind = np.uint8 if highest < 2**8 else np.uint16 if highest < 2**16 else np.int64
-    return {name: column.astype(kind) if name in colours else column for name, column in columns.items()}
-
-
-def _split(text: str, comma: bool) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the words of each line that is neither empty nor a comment."""
-    for number, line in enumerate(StringIO(text, newline=None), 1):
-        line = line.strip()
-        if line and not line.startswith(("#", "//")):
-            if comma:
-                yield number, [word.strip() for word in next(csv.reader([line], skipinitialspace=True))]
-            else:
-                yield number, line.replace(",", " ").split()
-
-
-def _names(row: list[str]) -> list[str]:
-    """Return the row if it consists of column names, otherwise nothing."""
-    words = {word.lower() for word in row}
-    return row if words >= {"x", "y", "z"} or not any(map(_is_number, row)) else []
-
-
-def _names_in_comment(text: str, width: int) -> list[str]:
-    """Return the column names in a first line such as CloudCompare's "//X Y Z R G B", otherwise nothing."""
-    first = text.lstrip().split("\n", 1)[0]
-    names = first.lstrip("#/ \t").replace(",", " ").split() if COMMENT.match(first) else []
-    return names if len(names) == width and {"x", "y", "z"} <= {name.lower() for name in names} else []
-
-
-def _coordinates(names: list[str], must: bool) -> list[int]:
-    lower = [name.lower() for name in names]
-    if all(axis in lower for axis in "xyz"):
-        return [lower.index(axis) for axis in "xyz"]
-    if must:
-        raise UserError(f"its columns are {', '.join(lower)[:200]}: name those of the coordinates x, y and z")
-    return [0, 1, 2]
-
-
-def _numbers(text: str, bare: str, comma: bool, named: bool, width: int | None, coordinates: list[int]) -> np.ndarray:
-    """Read the table of numbers, whose fields are named by the index of their column.
-
-    Columns whose values are all written as integers get an integer type.
 
     Args:
-        text: the whole file.
-        bare: the file without comments.
-        comma: whether only commas separate columns.
-        named: whether the first line holds column names.
-        width: number of columns; None to read the coordinates only.
-        coordinates: indices of the columns of the coordinates.
+        data: content of the file.
+        columns: names of the columns, such as "x,y,z,-,red,green,blue"; those in the file by default. Columns that are
+            called - or _ and those beyond the last name are left out.
+        all_columns: whether to read other columns than the coordinates.
     """
-    bare = bare.lstrip()
-    if named:
-        bare = bare.partition("\n")[2] if "\n" in bare else bare.partition("\r")[2]
-    if not comma:
-        bare = bare.replace(",", " ")
-    wanted = sorted(coordinates) if width is None else list(range(width))
-    if width is not None and width < 3:
-        wanted = [0, 1, 2]  # too few columns: `_read_by_words` raises an error that names the line
-    integers = _integers(bare, comma) & set(wanted).difference(coordinates)
-    while True:
-        kinds = [(f"{i}", "i8" if i in integers else "f8") for i in wanted]
-        try:
-            return _read_by_numpy(bare, kinds, "," if comma else None, wanted if width is None else None)
-        except (ValueError, DeprecationWarning) as error:
-            if not integers:
-                return _read_by_words(_split(text, comma), named, width, wanted)
-            # A column has an integer in the first row and another number further down.
-            found = re.search(r"column (\d+)", str(error))
-            integers = integers - {int(found[1]) - 1} if found and int(found[1]) - 1 in integers else set()
+    return _read(data, columns, all_columns)
 
 
-def _read_by_numpy(
-    text: str, kinds: list[tuple[str, str]], separator: str | None, only: list[int] | None
-) -> np.ndarray:
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
-        warnings.simplefilter("error", DeprecationWarning)  # of numbers such as 1.5 that are truncated to integers
-        rows = StringIO(text, newline=None)
-        return np.loadtxt(
-            rows, np.dtype(kinds), comments=None, delimiter=separator, usecols=only, ndmin=1, quotechar='"'
-        )
+def read_csv(data: bytes, *, columns: str | Sequence[str] | None = None, all_columns: bool = True) -> Cloud:
+    """Read a table as `read_xyz` does; names of columns, if there are any, must include x, y and z."""
+    return _read(data, columns, all_columns, must=True)
 
 
-def _integers(text: str, comma: bool) -> set[int]:
-    """Return the indices of the columns that have an integer in the first row."""
-    row = next((row for _, row in _split(text, comma)), [])
-    return {i for i, word in enumerate(row) if INTEGER.fullmatch(word)}
+def read_as(
+    data: bytes,
+    default: Mapping[int, Sequence[str]],
+    *,
+    columns: str | Sequence[str] | None = None,
+    all_columns: bool = True,
+) -> Cloud:
+    """Read a table as `read_xyz` does, in a format that defines the names of its columns.
+
+    Args:
+        data: content of the file.
+        default: names of the columns beside the coordinates, by the number of columns.
+        columns: as in `read_xyz`.
+        all_columns: as in `read_xyz`.
+    """
+    return _read(data, columns, all_columns, default=default)
 
 
-def _read_by_words(
-    rows: Iterable[tuple[int, list[str]]], named: bool, width: int | None, wanted: list[int]
-) -> np.ndarray:
-    """Read the table word by word: slow, but every notation of numbers is accepted and errors name the line.
+def _read(
+    data: bytes,
+    columns: str | Sequence[str] | None,
+    all_columns: bool,
+    *,
+    must: bool = False,
+    default: Mapping[int, Sequence[str]] | None = None,
+) -> Cloud:
+    given = None if columns is None else given_names(columns)
+    check_lines(data)
+    data, notes = as_utf8(data)
+    head = read_preamble(data)
+    data, counted, blank = _without_other_lines(data, head)
+    if blank:
+        lines = "1 line of separators alone is" if blank == 1 else f"{blank} lines of separators alone are"
+        notes.append(f"{lines} left out")
+    found = find_names(head) if given is None else []
+    widths = {len(given)} if given is not None else {len(each.names) for each in found if not each.rest}
+    if default is not None and not widths:
+        widths = {3, *default}
+    layout = find_layout(head.sample, data, head.start, widths)
+    sample = [layout.split(line) for line in head.sample if not COUNT.fullmatch(line.encode())]
+    width = max(map(len, sample))
+    if width > MOST_COLUMNS:
+        raise UserError(f"it has {width} columns, and {MOST_COLUMNS} are the most: remove some")
+    if width < 3:
+        raise UserError(f"line {head.line} has {width} columns, at least 3 are needed")
+    if given is not None:
+        names = check_given(given, head, width)
+    elif found and not all_columns:
+        names = next((each for each in found if len(each.names) == width), found[0])
+    else:
+        names = choose_names(found, head, sample, must=must)
+    if default is not None and not names.named:
+        names.names = ["x", "y", "z", *default.get(width, ())]
+    rows = Rows(layout.plain(data), head.start, head.line, layout, names.axes, _only(names, all_columns))
+    table = read_table(rows, sample)
+    points = np.stack([np.asarray(table.columns.pop(i), np.float64) for i in names.axes], axis=-1)
+    if layout.decimal_comma and not layout.sure:
+        notes.append("its commas were read as decimal points")
+    notes += [*names.notes, *_check_count(counted, len(points))]
+    if not (names.given or found or default):
+        notes += _check_first_columns(sample)
+    about: dict[str, Any] = {"header": names.header}
+    attributes, about["names"], more = name_columns(table, names.names) if all_columns else ({}, {}, [])
+    return Cloud(points, attributes, {"text": about, "notes": (*notes, *more)})
+
+
+def _only(names: Names, all_columns: bool) -> list[int] | None:
+    """Return the indices of the columns to read; None for all."""
+    if not all_columns:
+        return names.axes
+    if names.given or names.rest:
+        return [i for i, name in enumerate(names.names) if name]
+    return None
+
+
+def _without_other_lines(data: bytes, head: Preamble) -> tuple[bytes, int | None, int]:
+    """Empty the lines that hold no point: comments, counts of points, and separators alone.
+
+    Returns:
+        The text; the number of points that its counts announce, None without any; and the number of lines that held
+        separators alone.
 
     Raises:
-        UserError: a line is too short or too long, or a word is no number.
+        UserError: the first two lines have one integer each.
     """
-    found: list[list[str]] = []
-    for at, (number, row) in enumerate(rows):
-        if at == 0 and named:
-            continue
-        if len(row) <= max(wanted):
-            raise UserError(f"line {number} has {len(row)} columns, at least {max(wanted) + 1} are needed")
-        if width is not None and len(row) != width:
-            raise UserError(f"line {number} has {len(row)} columns, the first has {width}")
-        found.append([row[i] for i in wanted])
-        try:
-            list(map(float, found[-1]))
-        except ValueError as error:
-            raise UserError(f"line {number}: {str(error)[:120]}") from error
-    columns = [_column(each) for each in zip(*found, strict=True)] or [np.zeros(0) for _ in wanted]
-    table = np.zeros(len(found), [(f"{i}", column.dtype) for i, column in zip(wanted, columns, strict=True)])
-    for i, column in zip(wanted, columns, strict=True):
-        table[f"{i}"] = column
-    return table
+    counted, blank, rest = None, 0, None
+    if any(data.find(mark, head.start) >= 0 for mark in (b"#", b"//", b"%")):
+        rest = COMMENT.sub(b"", data[head.start :])
+    if head.count is not None:
+        if COUNT.fullmatch(head.sample[0].encode()):
+            raise UserError("its first lines hold one number each, and a point needs three: a PTX file is named .ptx")
+        rest = data[head.start :] if rest is None else rest
+        counted = head.count + sum(int(match[1]) for match in COUNT.finditer(rest))
+        rest = COUNT.sub(b"", rest)
+    if BLANK.search(data, head.start):
+        rest, blank = BLANK.subn(b"", data[head.start :] if rest is None else rest)
+    return data if rest is None else data[: head.start] + rest, counted, blank
 
 
-def _column(row: Sequence[str]) -> np.ndarray:
-    if all(map(INTEGER.fullmatch, row)):
-        with suppress(OverflowError):
-            return np.array(list(map(int, row)), np.int64)
-    return np.array(list(map(float, row)))
+def _check_first_columns(sample: Sequence[Sequence[str]]) -> list[str]:
+    """Return a note if lines without names begin with integers ahead of three columns with decimals.
+
+    They may be numbers of points, rows or columns.
+    """
+    whole = [all(INTEGER.fullmatch(word) for word in column) for column in zip(*sample, strict=False)]
+    for count, axes in (
+        (1, "column holds integers and was taken for x"),
+        (2, "two columns hold integers and were taken for x and y"),
+    ):
+        if len(whole) >= count + 3 and all(whole[:count]) and not any(whole[count : count + 3]):
+            skipped = "-," * count
+            return [f"its first {axes}: if they number the points, name the columns by --columns {skipped}x,y,z,…"]
+    return []
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _check_count(counted: int | None, count: int) -> list[str]:
+    if counted is not None and counted > count:
+        raise UserError(
+            f"it is cut off: {count} of its {counted} points are there; if the file is whole, correct the line with "
+            f"their number"
+        )
+    return [f"it counts {counted} points and holds {count}"] if counted is not None and counted < count else []
 
 
 def write_xyz(cloud: Cloud) -> bytes:
@@ -223,8 +167,7 @@ def write_xyz(cloud: Cloud) -> bytes:
 
     Column names are written to the first line if the file that was read had them, or if names would be lost.
     """
-    columns = one_word_names(spread(cloud.columns, rest=True))
-    return _write(cloud, columns, " ", cloud.about.get("text", {}).get("header", False))
+    return _write(cloud, " ", cloud.about.get("text", {}).get("header", False))
 
 
 def write_csv(cloud: Cloud) -> bytes:
@@ -232,11 +175,12 @@ def write_csv(cloud: Cloud) -> bytes:
 
     Column names are written to the first line, unless the file that was read had none and no name would be lost.
     """
-    columns = one_word_names(spread(cloud.columns, rest=True))
-    return _write(cloud, columns, ",", cloud.about.get("text", {}).get("header", True))
+    return _write(cloud, ",", cloud.about.get("text", {}).get("header", True))
 
 
-def _write(cloud: Cloud, columns: dict[str, np.ndarray], separator: str, header: bool) -> bytes:
+def _write(cloud: Cloud, separator: str, header: bool) -> bytes:
+    own = cloud.about.get("text", {}).get("names", {})
+    columns = one_word_names({own.get(name, name): part for name, part in spread(cloud.columns, rest=True).items()})
     names = [*"xyz", *columns]
     header = header or any(name != f"c{i}" for i, name in enumerate(names[3:], 3))
     head = separator.join(names) + "\n" if header else ""

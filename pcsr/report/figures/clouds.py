@@ -33,6 +33,8 @@ class Camera:
     """Half the window's side, in the unit of the clouds."""
     depth: float = math.inf
     """Points farther than this before or behind the centre are not shown."""
+    unit: str = "radii"
+    """Unit of the clouds, for the scale bar; it may be empty."""
 
     def seen(self, cloud: Cloud) -> Float[np.ndarray, "n 3"]:
         """Coordinates right, up and towards the viewer from the centre, in the unit of the clouds."""
@@ -94,17 +96,17 @@ def draw_clouds(axes: "Axes", side: float, view: Camera, layers: Sequence[Layer]
     axes.set(xlim=(-view.half, view.half), ylim=(-view.half, view.half), aspect="equal", xticks=[], yticks=[])
     for spine in axes.spines.values():
         spine.set_color(LINE)
-    _scale_bar(axes, view.half)
+    _scale_bar(axes, view.half, view.unit)
 
 
-def _scale_bar(axes: "Axes", half: float) -> None:
-    """Line of a round length at the lower left, with the length in radii of the object."""
+def _scale_bar(axes: "Axes", half: float, unit: str) -> None:
+    """Line of a round length at the lower left, with the length."""
     power = 10 ** math.floor(math.log10(half / 2))
     length = max(factor * power for factor in (1, 2, 5) if factor * power <= half / 2)
     left, bottom = -0.94 * half, -0.94 * half
     axes.plot((left, left + length), (bottom, bottom), color=SOFT, linewidth=1.5, solid_capstyle="butt")
     box = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5}
-    axes.text(left, bottom + 0.04 * half, f"{length:g} radii", fontsize=7, color=SOFT, va="bottom", bbox=box)
+    axes.text(left, bottom + 0.04 * half, f"{length:g} {unit}".rstrip(), fontsize=7, color=SOFT, va="bottom", bbox=box)
 
 
 def _shaded(view: Camera, layer: Layer) -> Float[np.ndarray, "n 3"]:

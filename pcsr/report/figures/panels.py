@@ -27,7 +27,9 @@ class Panel:
     close_layers: Sequence[Layer] = field(default=())
 
 
-def panel_figure(title: str, rows: Sequence[Sequence[Panel]], size: float, end: float | None = None) -> "Figure":
+def panel_figure(
+    title: str, rows: Sequence[Sequence[Panel]], size: float, end: float | None = None, *, below: float = 0.0
+) -> "Figure":
     """Figure of panels in rows.
 
     Args:
@@ -35,11 +37,12 @@ def panel_figure(title: str, rows: Sequence[Sequence[Panel]], size: float, end: 
         rows: panels, all with or all without a close-up; a row may be shorter than the first.
         size: side of a square, in inches.
         end: error at the end of the colour scale, ×10⁻³ radii of the object; None: no scale is shown.
+        below: height of an empty strip at the bottom, in inches.
     """
     squares = 1 if rows[0][0].close is None else 2
     wide = squares * size
     width = GAP + max(map(len, rows)) * (wide + GAP)
-    height = TITLE + len(rows) * (CAPTION + size + GAP) + (0 if end is None else BAR)
+    height = TITLE + len(rows) * (CAPTION + size + GAP) + (below if end is None else BAR)
     figure = new_figure(width, height)
     figure.text(GAP / width, 1 - 0.22 / height, label(title, int(11 * width), 1), fontsize=12, color=INK, va="center")
     for i, row in enumerate(rows):

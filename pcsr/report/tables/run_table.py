@@ -26,6 +26,13 @@ def table(results: Results) -> TextTable:
     return TextTable(results.name, heads, cells, _note(results), frozenset(bold))
 
 
+def summary(results: Results) -> str:
+    """Sentence with the scores of the first method of a run: ``tapsr: cd ×10³ 1.43 ± 0.81, hd ×10³ 128 ± 46``."""
+    first = scores(results)[0]
+    listed = (f"{scaled(metric, results.metrics[metric].scale)} {score}" for metric, score in first.items())
+    return f"{results.methods[0].name}: {', '.join(listed)}"
+
+
 def _note(results: Results) -> str:
     note = _protocol(results)
     if results.baseline is not None:

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.constrain import Constrain
 from rich.table import Table
 from rich.text import Text
 
 GAP = 3
 """Columns of the terminal between two columns of the table."""
+NOTE = 100
+"""Least width of the note below a table, in columns, where the console is so wide."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class TextTable:
     bold: frozenset[tuple[int, int]] = frozenset()
     """Row and column of the cells whose first line is bold."""
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text | Table]:
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         """Lay the table out for the width of the console."""
         width = options.max_width
         everything = list(range(1, len(self.heads)))
@@ -41,12 +44,13 @@ class TextTable:
             widths = self._widths(cells)
             if sum(widths) + GAP * len(everything) <= width:
                 yield self._table(cells, widths, everything)
+                width = min(width, max(NOTE, sum(widths) + GAP * len(everything)))
                 break
         else:
             for widths, columns in _distributed(self._widths(self.cells), width):
                 yield self._table(self.cells, widths, columns)
         yield Text()
-        yield Text(self.note, style="table.caption", overflow="fold")
+        yield Constrain(Text(self.note, style="table.caption", overflow="fold"), width)
 
     def _widths(self, cells: Sequence[Sequence[str]]) -> list[int]:
         """Width of each column: its longest line, or the longest word of its head."""

@@ -13,7 +13,7 @@
   let views = [];
 
   function themed(trace) {
-    const named = typeof trace.marker.color === "string";
+    const named = typeof trace.marker.color === "string" && !trace.marker.color.startsWith("#");
     return named ? { ...trace, marker: { ...trace.marker, color: colour(trace.marker.color) } } : trace;
   }
 

@@ -44,14 +44,14 @@ def view(title: str, *traces: dict[str, Any]) -> dict[str, Any]:
     return {"title": title, "traces": list(traces)}
 
 
-def plain(cloud: Cloud, colour: str, size: float) -> dict[str, Any]:
-    """Trace of points in one colour, a name of page.css."""
-    return {**_points(cloud), "marker": {"size": size, "color": colour}, "hoverinfo": "skip"}
+def plain(cloud: Float[np.ndarray, "n 3"], colour: str, size: float) -> dict[str, Any]:
+    """Trace of points in one colour, a name of page.css or ``#rrggbb``."""
+    return {**points_of(cloud), "marker": {"size": size, "color": colour}, "hoverinfo": "skip"}
 
 
 def _coloured(cloud: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, " n"], limit: float) -> dict[str, Any]:
     return {
-        **_points(cloud),
+        **points_of(cloud),
         "marker": {
             "size": 1.8,
             "color": np.round(errors, 2).tolist(),
@@ -63,7 +63,8 @@ def _coloured(cloud: Float[np.ndarray, "n 3"], errors: Float[np.ndarray, " n"], 
     }
 
 
-def _points(cloud: Cloud) -> dict[str, Any]:
+def points_of(cloud: Float[np.ndarray, "n 3"]) -> dict[str, Any]:
+    """Trace of points without colour and size."""
     # Rounded as doubles: the nearest float32 to 0.1235 would be written with ten digits.
     x, y, z = np.round(cloud.astype(np.float64), DECIMALS).T.tolist()
     return {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z}

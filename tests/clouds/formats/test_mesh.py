@@ -144,8 +144,11 @@ def test_normals_stay_upright_where_a_scene_is_stretched_and_turned(tmp_path):
     ("suffix", "text", "reason"),
     [
         (".obj", "o thing\n", "holds no points"),
-        (".obj", "v 1 2\n", "its vertex 1 has 2 numbers: 3 are needed"),
-        (".obj", "v 1 2 x\n", "rows of numbers cannot be read"),
+        (".obj", "v 1 2\n", "vertex 1 has 2 numbers: 3 are needed"),
+        (".obj", "v 1 2 3\nv 1 2 3 0 0\n", "vertex 2 has 5 numbers: 3 are needed, 6 or 7 with colours"),
+        (".obj", "v 1 2 x\n", "rows of numbers cannot be read: 'x' in row 1 is no number: it is damaged"),
+        (".obj", "v 1,5 2 3\n", "'1,5' in row 1 is no number: write decimal points, not commas"),
+        (".off", "OFF\n1 0 0\n1,5 2 3\n", "'1,5' in row 1 is no number: write decimal points, not commas"),
         (".obj", "v 1 2 3\nv 1 2 nan\n", "1 of 2 points"),
         (".off", "noise", "does not begin with 'OFF'"),
         (".off", "OFF BINARY\n1 2 3\n", "does not begin with 'OFF', or is binary"),
@@ -191,21 +194,26 @@ def test_triangles_are_read_as_one_mesh(tmp_path):
             read_mesh(tmp_path / name)
 
 
+RGB = {"red": [0, 0], "green": [0.5, 0.5], "blue": [1, 1]}
+BLACK = "1 of 2 vertices have no colour and became black"
+
+
 @pytest.mark.parametrize(
     ("text", "colours", "note"),
     [
-        ("v 1 2 3 0 0.5 1\nv 4 5 6\n", [], "only 1 of its 2 vertices have colours: these were left out"),
-        ("v 1 2 3\nv 4 5 6 0 0.5 1 1\n", [], "only 1 of its 2 vertices have colours: these were left out"),
-        ("v 1 2 3 0 0.5 1\nv 4 5 6 0 0.5 1 1\n", ["red", "green", "blue"], ""),
-        ("v 1 2 3 1.0\nv 4 5 6\n", [], ""),
-        ("v 1 2 \\\n3\nv 4 5 6\n", [], ""),
+        ("v 1 2 3 0 0.5 1\nv 4 5 6\n", RGB | {"green": [0.5, 0], "blue": [1, 0]}, BLACK),
+        ("v 1 2 3 1.0\nv 4 5 6 0 0.5 1 1\n", RGB | {"green": [0, 0.5], "blue": [0, 1], "alpha": [0, 1]}, BLACK),
+        ("v 1 2 3 0 0.5 1\nv 4 5 6 0 0.5 1 1\n", RGB, ""),
+        ("v 1 2 3 0 0.5 1 0\nv 4 5 6 0 0.5 1 1\n", RGB | {"alpha": [0, 1]}, ""),
+        ("v 1 2 3 1.0\nv 4 5 6\n", {}, ""),
+        ("v 1 2 \\\n3\nv 4 5 6\n", {}, ""),
     ],
 )
 def test_vertices_with_and_without_colours(text, colours, note):
     with pytest.warns(PcsrWarning, match=note) if note else nullcontext():
         cloud = read(text, ".obj")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert list(cloud.columns) == colours
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == colours
 
 
 @pytest.mark.parametrize("kind", ["u1", "u2", "i8"])

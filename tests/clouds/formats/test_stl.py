@@ -34,7 +34,7 @@ def test_bytes_after_the_triangles_are_left_out():
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        (b"vertex -0.5", b"vertex -0.5o", "has '-0.5o', which is no number"),
+        (b"vertex -0.5", b"vertex -0.5o", "'-0.5o' in row . is no number"),
         (b"vertex", b"vortex", "its 12 facets have 35 vertices"),
         (b"endfacet", b"", "it is cut off or damaged: 11 of its facets are complete"),
     ],

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
-from pcsr.clouds.formats.text import csv_points, read_xyz, xyz_points
+from pcsr.clouds.formats.text import read_csv, read_xyz
 
 
 def read(text, suffix=".xyz"):
@@ -36,7 +36,7 @@ def found(cloud):
         (
             ".xyz",
             "r x y z g b\n1 1 2 3 2 256\n1 4 5 6 2 3\n",
-            {"r": ("u2", [1, 1]), "g": ("u2", [2, 2]), "b": ("u2", [256, 3])},
+            {"red": ("u2", [1, 1]), "green": ("u2", [2, 2]), "blue": ("u2", [256, 3])},
         ),
         (".xyz", "//X Y Z Nx R\n1 2 3 1 9\n4 5 6 0 9\n", {"Nx": ("f8", [1, 0]), "R": ("i8", [9, 9])}),
         (".xyz", "x y z nx\n1 2 3 1\n4 5 6 0\n", {"nx": ("f8", [1, 0])}),
@@ -51,17 +51,17 @@ def found(cloud):
         (
             ".csv",
             "b,z,y,x,R,g\n-1,3,2,1,1,2\n2,6,5,4,3,4\n",
-            {"b": ("i8", [-1, 2]), "R": ("i8", [1, 3]), "g": ("i8", [2, 4])},
+            {"blue": ("i8", [-1, 2]), "red": ("i8", [1, 3]), "green": ("i8", [2, 4])},
         ),
         (
             ".csv",
             "b,z,y,x,R,g\n0.5,3,2,1,1,2\n2,6,5,4,3,4\n",
-            {"b": ("f8", [0.5, 2]), "R": ("i8", [1, 3]), "g": ("i8", [2, 4])},
+            {"blue": ("f8", [0.5, 2]), "red": ("i8", [1, 3]), "green": ("i8", [2, 4])},
         ),
         (
             ".csv",
             "b,z,y,x,R,g\n70000,3,2,1,1,2\n2,6,5,4,3,4\n",
-            {"b": ("i8", [70000, 2]), "R": ("i8", [1, 3]), "g": ("i8", [2, 4])},
+            {"blue": ("i8", [70000, 2]), "red": ("i8", [1, 3]), "green": ("i8", [2, 4])},
         ),
         (".csv", ' "x", "y","z"\n "1", "2","3"\n4 ,5,6\n', {}),
         # Spaces ahead of quotes are read word by word.
@@ -91,14 +91,20 @@ def test_names_that_are_missing_or_there_twice_are_made_up():
 @pytest.mark.parametrize(
     ("suffix", "text", "reason"),
     [
-        (".xyz", "1 2 3 4\n5 6 7\n", "line 2 has 3 columns, at least 4 are needed"),
+        (".xyz", "1 2 3 4\n5 6 7\n", "line 2 has 3 columns, the first has 4"),
         (".xyz", "1 2 3\n\n5 6 7 8\n", "line 3 has 4 columns, the first has 3"),
         (".xyz", "1 2\n3 4\n", "line 1 has 2 columns, at least 3 are needed"),
-        (".xyz", "1 2 3 4\n# it\n5 6 7 cat\n", "line 3: could not convert string to float: 'cat'"),
+        (".xyz", "1 2 3 4\n# it\n5 6 cat 7\n", r"line 3, column 3 \(z\): 'cat' is no number"),
+        (".xyz", "C 1 2 3\nC 5 6 7\n", r"line 1, column 1 \(x\): 'C' is no number: say .* --columns -,x,y,z"),
+        (".xyz", "y z label red\n1 2 3 4 5\n", "its line of names, y, z, label, red, does not name x, y and z of 5"),
+        (".xyz", "lat lon h\n1 2 3\n", "degrees: project them to metres"),
         (".xyz", "x y z a\n1 2 3\n", "its line of names has 4 columns, the line after it has 3"),
-        (".csv", "x,y,z,a\n1,2,3,\n", "line 2: could not convert string to float: ''"),
-        (".csv", "x;y;z\n1;2;3\n", "name those of the coordinates x, y and z"),
-        (".csv", "1,2,3,red\n", "line 1: could not convert string to float: 'red'"),
+        (
+            ".csv",
+            "u;v;w\n1;2;3\n",
+            "its columns are u, v, w: name those of the coordinates x, y and z, or .* --columns",
+        ),
+        (".csv", "x,y,time\n1,2,3\n", "its columns are x, y, time: name those of the coordinates x, y and z"),
         (".csv", "x,y,z\n", "holds no points"),
         (".xyz", "\n \n", "holds no points"),
     ],
@@ -110,8 +116,8 @@ def test_a_line_at_fault_is_named(suffix, text, reason):
 
 def test_points_alone_may_have_anything_beside_them():
     for text in ("1 2 3 cat\n4 5 6\n", "x y z name\n1 2 3 cat dog\n4 5 6\n"):
-        assert xyz_points(text.encode()).tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert csv_points(b"name,z,y,x\ncat,3,2,1\n,6,5,4,9\n").tolist() == [[1, 2, 3], [4, 5, 6]]
+        assert read_xyz(text.encode(), all_columns=False).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert read_csv(b"name,z,y,x\ncat,3,2,1\n,6,5,4,9\n", all_columns=False).points.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
 numbers = st.one_of(st.integers(-(2**60), 2**60).map(str), st.floats(allow_nan=False).map(repr))
@@ -167,12 +173,6 @@ def test_what_was_read_is_written_with_a_line_of_names_if_there_was_one(suffix):
     for head in ("x y z\n", ""):
         text = (head + "1.0 2.0 3.0\n").replace(" ", "," if suffix == ".csv" else " ")
         assert cloud_bytes(read(text, suffix), suffix).decode() == text
-
-
-@pytest.mark.parametrize("text", ["1,5 2,5 3,5\n4,5 5,5 6,5\n", "# x\n1,5;2,5;3,5\n", "-1,50\t2,5\t3,25 \n"])
-def test_decimal_commas_are_refused_and_not_taken_for_columns(text):
-    with pytest.raises(UserError, match="decimal commas"):
-        read_xyz(text.encode())
 
 
 @pytest.mark.parametrize("text", ["1, 2, 3\n", "1,2,3\n", "1 2 3\n", "1.5, 2.5 3\n"])

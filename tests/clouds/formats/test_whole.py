@@ -86,7 +86,7 @@ def test_millimetres_in_millions_of_metres_survive(tmp_path, suffix):
         assert read_points(path).tobytes() == METRES.tobytes()
 
 
-@pytest.mark.parametrize("suffix", MINE)
+@pytest.mark.parametrize("suffix", sorted({*MINE} - {".pts"}))  # which holds no normals
 def test_colours_and_normals_go_from_each_format_to_each(suffix):
     n = len(METRES)
     columns = {
@@ -105,10 +105,10 @@ def test_colours_and_normals_go_from_each_format_to_each(suffix):
 
 
 def test_suffixes_that_are_written_are_read_and_meshes_are_not_written(tmp_path):
-    assert CLOUD_READERS.keys() - CLOUD_WRITERS.keys() == {".off", ".stl", ".glb", ".e57"}
+    assert CLOUD_READERS.keys() - CLOUD_WRITERS.keys() == {".off", ".stl", ".glb", ".e57", ".ptx"}
     assert CLOUD_WRITERS.keys() < CLOUD_READERS.keys()
     for use in (lambda path: write_cloud(path, Cloud(METRES)), writable):
-        with pytest.raises(UserError, match=r"no cloud format '.stl': .csv, .*, .xyz can be written"):
+        with pytest.raises(UserError, match=r"no cloud format '.stl': .asc, .*, .xyz can be written"):
             use(tmp_path / "a.stl")
         with pytest.raises(UserError, match=r"no cloud format '.abc': .* are known"):
             use(tmp_path / "a.abc")
@@ -136,6 +136,7 @@ ASCII = {
 }
 
 
+@pytest.mark.filterwarnings("ignore::pcsr.PcsrWarning")
 @pytest.mark.parametrize("suffix", ASCII)
 def test_text_that_is_cut_off_is_refused_or_loses_the_end_alone(suffix):
     whole = cloud_bytes(Cloud(CONTENT.points, CONTENT.columns, ASCII[suffix]), suffix)
@@ -153,6 +154,7 @@ def test_text_that_is_cut_off_is_refused_or_loses_the_end_alone(suffix):
     assert read > 0
 
 
+@pytest.mark.filterwarnings("ignore::pcsr.PcsrWarning")
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".npy", ".npz", ".xyz", ".csv", ".obj"])
 @given(at=st.integers(0, 2000), byte=st.binary(min_size=1, max_size=3), encoded=st.booleans())
 def test_bytes_that_are_changed_give_a_cloud_or_a_reason(suffix, at, byte, encoded):

@@ -72,3 +72,11 @@ def test_the_touch_efficiency_is_the_networks_alone(results, touch):
     del results["touch"]
     assert "touch" not in "".join(table(results).heads)
     assert "(without - with)" not in table(results).note
+
+
+def test_the_summary_has_the_scores_of_the_first_method(results):
+    shown = table(results)
+    cells = [cell.splitlines()[0] for cell in shown.cells[0]]
+    scores = ", ".join(f"{head} {cell}" for head, cell in zip(shown.heads, cells, strict=True) if "±" in cell)
+    assert "±" in scores
+    assert report.summary(parse_results(results)) == f"{shown.cells[0][0]}: {scores}"

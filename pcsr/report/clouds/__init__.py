@@ -1,0 +1,1 @@
+"""Clouds as `pcsr view` shows them: their colours, origin, thinning and common frame."""
