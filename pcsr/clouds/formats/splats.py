@@ -37,8 +37,6 @@ def as_colours(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], s
     normals = [] if any(columns[name].any() for name in normals) else normals
     left_out = [name for name in columns if name in COLOUR or OTHERS.fullmatch(name) or name in normals]
     rest = {name: column for name, column in columns.items() if name not in left_out}
-    note = (
-        f"it holds Gaussian splats: positions and colours are read; opacities, covariances and view-dependent colours "
-        f"({len(left_out)} properties) were left out"
-    )
+    kinds = dict.fromkeys(re.sub(r"\d+$", "*", name) for name in left_out if name not in COLOUR)
+    note = f"it holds Gaussian splats: positions and colours were read, and {', '.join(kinds)} left out"
     return colours | rest, note
