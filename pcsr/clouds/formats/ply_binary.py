@@ -1,5 +1,6 @@
 """Elements of binary PLY files, of which lists may differ in length."""
 
+from array import array
 from dataclasses import dataclass
 from typing import Literal
 
@@ -122,7 +123,7 @@ def _ragged(data: bytes, at: int, element: Element, order: str) -> tuple[dict[st
     sizes = [np.dtype(run).itemsize for run in runs]
     steps = list(zip(sizes, [*lists, (0, 0, False)], strict=True))
     byte_order: Literal["big", "little"] = "big" if order == ">" else "little"
-    starts: list[int] = []
+    starts = array("q")
     for number in range(element.count):
         for size, (width, item, signed) in steps:
             starts.append(at)
@@ -135,7 +136,7 @@ def _ragged(data: bytes, at: int, element: Element, order: str) -> tuple[dict[st
             raise UserError(f"it is cut off: {number} of its {element.count} {what} are there: get the file again")
     table: dict[str, np.ndarray] = {}
     raw = np.frombuffer(data, np.uint8)
-    begins = np.array(starts, np.int64).reshape(element.count, len(runs))
+    begins = np.frombuffer(starts, np.int64).reshape(element.count, len(runs))
     for number, (run, size) in enumerate(zip(runs, sizes, strict=True)):
         if run:
             block = raw[begins[:, number, None] + np.arange(size)].view(np.dtype(run))[:, 0]
