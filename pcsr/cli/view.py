@@ -75,12 +75,15 @@ def view(
     pcsr view scan.ply dense.ply --before scan.ply
     pcsr view scan.las --color classification -o scan.png
     """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.clouds.formats.format_table import named_by
     from pcsr.extras import require
 
     path = _target(out)
     require({"matplotlib": "a picture"} if path.suffix.lower() == ".png" else {"plotly": "the viewer"})
     if list(clouds).count(PIPE) > 1:
         raise UserError("- is given twice, and there is one standard input: give it once")
+    if suffix is not None and all(map(named_by, [*clouds, *([] if before is None else [before])])):
+        raise UserError(f"--format {suffix[:80]}: the suffixes of all clouds name their formats: leave it out")
     read = [_read(one, suffix) for one in clouds]
     old = None if before is None else _read(before, suffix)
     touches = _touches(touch)
