@@ -28,8 +28,10 @@ def checked(data: bytes) -> tuple[bytes, tuple[str, ...]]:
     if data[:512].lstrip()[:5].lower() == b"solid" and len(data) != end and b"\0" not in data:
         _check_text(data.replace(b"\r\n", b"\n").replace(b"\r", b"\n"))
         return data, ()
-    there = max(0, len(data) - TRIANGLES) // TRIANGLE
-    if len(data) < TRIANGLES or there < claimed:
+    if len(data) < TRIANGLES:
+        raise UserError(f"it has {len(data)} bytes, and an STL file has {TRIANGLES} or more: it is cut off, or no STL")
+    there = (len(data) - TRIANGLES) // TRIANGLE
+    if there < claimed:
         raise UserError(f"it is cut off: {there} of its {claimed} triangles are there: get the file again")
     more = len(data) - end
     return data[:end], (f"it goes on for {more} bytes after its {claimed} triangles: these were left out",) * (more > 0)
