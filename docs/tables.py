@@ -16,7 +16,7 @@ import cog
 
 NUMBERS = Path(__file__).parent / "numbers"
 MESHES = (".obj", ".off", ".stl", ".glb")
-EXTRAS = {".pcd": "pcd", ".las": "las", ".laz": "las"}
+EXTRAS = {".pcd": "pcd", ".las": "las", ".laz": "las", ".e57": "e57"}
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -39,14 +39,15 @@ def metrics() -> None:
 
 
 def formats() -> None:
-    """The suffixes that `pcsr upsample` reads and writes."""
-    from pcsr.clouds.formats import CLOUD_READERS, CLOUD_WRITERS
+    """The suffixes and names of formats that `pcsr upsample` and `pcsr evaluate` read, and those that are written."""
+    from pcsr.clouds.formats import CLOUD_READERS, CLOUD_WRITERS, NAMED_READERS
 
     rows = []
     for suffix in CLOUD_READERS:
         what = "vertices" if suffix in MESHES else "yes"
         extra = f"`[{EXTRAS[suffix]}]`" if suffix in EXTRAS else ""
         rows.append((f"`{suffix}`", what, what if suffix in CLOUD_WRITERS else "no", extra))
+    rows += [(f"`--format {name}`", "yes", "no", "") for name in NAMED_READERS]
     table(("suffix", "read", "written", "extra"), rows)
 
 

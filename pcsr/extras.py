@@ -2,6 +2,7 @@
 
 import importlib
 import platform
+import re
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -16,6 +17,8 @@ class Package(NamedTuple):
     extra: str
     machines_without: frozenset[str] = frozenset()
     """Processors without a wheel for Linux, by the names of `platform.machine`."""
+    system: tuple[str, ...] = ()
+    """Libraries of the system that it needs on Linux, by the names of Debian's packages."""
 
 
 PACKAGES = {
@@ -28,13 +31,19 @@ PACKAGES = {
     "pypcd4": Package("pypcd4", "pcd"),
     "laspy": Package("laspy", "las"),
     "lazrs": Package("lazrs", "las"),
+    "pye57": Package("pye57", "e57", frozenset({"aarch64"})),
     "distributed": Package("distributed", "cluster"),
     "huggingface_hub": Package("huggingface-hub", "hub"),
     "onnx": Package("onnx", "onnx"),
     "onnxscript": Package("onnxscript", "onnx"),
-    "open3d": Package("open3d", "open3d"),
+    "open3d": Package("open3d", "open3d", system=("libusb-1.0-0", "libgl1", "libgomp1")),
 }
 """Optional packages by the name of their module. pyproject.toml lists the same packages for each extra."""
+
+LIBRARY = re.compile(r"\blib[\w.+-]+\.(?:so[\w.]*|dylib)")
+"""Name of a shared library in an error of the system's loader."""
+GLIBC = re.compile(r"`GLIBC_([\d.]+)' not found")
+"""Version of glibc that the loader does not find."""
 
 
 def imported(module: str, user: str) -> Any:
@@ -54,9 +63,9 @@ def imported(module: str, user: str) -> Any:
     require({package: user})
     try:
         return importlib.import_module(module)
-    except ImportError as error:
+    except (ImportError, OSError) as error:
         raise UserError(
-            f"{user} needs {_title(package)}, which is installed but cannot be loaded ({error}): {remedy([package])}"
+            f"{user} needs {_title(package)}, which is installed but cannot be loaded: {_load_fault(package, error)}"
         ) from error
 
 
@@ -83,6 +92,20 @@ def installed(package: str) -> bool:
         return find_spec(package) is not None
     except (ImportError, ValueError):
         return False
+
+
+def _load_fault(package: str, error: Exception) -> str:
+    """Return why an installed package cannot be loaded, and the remedy."""
+    library = LIBRARY.search(str(error))
+    if glibc := GLIBC.search(str(error)):
+        return f"it needs glibc {glibc[1]} or newer, a newer version of Linux than this one"
+    if library:
+        system = PACKAGES[package].system if package in PACKAGES else ()
+        how = f"on Debian and Ubuntu, apt-get install {' '.join(system)}" if system else "install it"
+        return f"the library {library[0]} of the system is missing: {how}"
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        return f"it needs {error.name}, which is not installed: {remedy([package])}"
+    return f"it is damaged, or made for another version of Python: {remedy([package])}"
 
 
 def remedy(packages: Iterable[str]) -> str:

@@ -80,9 +80,36 @@ def test_a_package_that_is_broken_is_told_from_one_that_is_missing(machine, tmp_
     (tmp_path / "broken_one.py").write_text("import nobody_has_this")
     monkeypatch.syspath_prepend(tmp_path)
     assert installed("broken_one")
-    with pytest.raises(UserError, match=r"needs broken_one, which is installed but cannot be loaded \(No module named"):
+    with pytest.raises(
+        UserError, match="broken_one, which is installed but cannot be loaded: it needs nobody_has_this"
+    ):
         imported("broken_one", "this")
 
 
 def test_the_table_names_packages_not_modules():
     assert all("." not in package for package in PACKAGES)
+
+
+@pytest.mark.parametrize("kind", ["OSError", "ImportError"])
+@pytest.mark.parametrize("library", ["libusb-1.0.so.0", "libGL.so.1", "libgomp.so.1", "libX11.so.6"])
+def test_a_missing_library_of_the_system_is_named_with_its_remedy(machine, tmp_path, monkeypatch, kind, library):
+    said = f"{library}: cannot open shared object file: No such file or directory"
+    (tmp_path / "open3d.py").write_text(f"raise {kind}({said!r})")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "open3d", raising=False)
+    with pytest.raises(UserError) as error:
+        imported("open3d", "a surface")
+    assert str(error.value) == (
+        f"a surface needs open3d, which is installed but cannot be loaded: the library {library} of the system is "
+        f"missing: on Debian and Ubuntu, apt-get install libusb-1.0-0 libgl1 libgomp1"
+    )
+
+
+def test_a_system_that_is_too_old_and_a_broken_package_are_told(machine, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "too_new.py").write_text("""raise ImportError("/lib/libm.so.6: version `GLIBC_2.35' not found")""")
+    with pytest.raises(UserError, match=r"cannot be loaded: it needs glibc 2\.35 or newer"):
+        imported("too_new", "this")
+    (tmp_path / "damaged_one.py").write_text("raise ImportError('bad magic number')")
+    with pytest.raises(UserError, match="it is damaged, or made for another version of Python: pip install damaged_"):
+        imported("damaged_one", "this")

@@ -37,6 +37,12 @@ from pcsr.errors import UserError
     help="Compute only this metric. May be repeated.  [default: all that are possible]",
 )
 @click.option(
+    "--format",
+    "suffix",
+    default=None,
+    help="Format of the clouds whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …",
+)
+@click.option(
     "--columns", default=None, metavar="NAMES", help="Names of the columns of text files: -,x,y,z. - leaves one out."
 )
 @click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Python file with metrics.")
@@ -47,28 +53,34 @@ def evaluate(
     mesh: Path | None,
     frame: str,
     metrics: tuple[str, ...],
+    suffix: str | None,
     columns: str | None,
     plugins: tuple[Path, ...],
     plain: bool,
 ) -> None:
     """Measure a cloud against the true one.
 
-    PREDICTION and TRUTH are files of clouds.
+    PREDICTION and TRUTH are files of clouds, in any format that `pcsr upsample` reads. A warning says so if one of them
+    is more than 3 times as large as the other, as in another unit.
     """
     from rich import box
     from rich.table import Column, Table
 
     from pcsr.clouds.formats import TEXT_READERS, read_points
+    from pcsr.clouds.formats.format_table import format_of, named_by
     from pcsr.clouds.meshes import read_mesh
     from pcsr.metrics.one_cloud import evaluate as measure
     from pcsr.metrics.one_cloud import named, why_no_emd
 
-    if columns is not None and not {prediction.suffix.lower(), truth.suffix.lower()} & TEXT_READERS.keys():
+    files = [(path, None if named_by(path) else suffix) for path in (prediction, truth)]
+    if suffix is not None and not any(chosen for _, chosen in files):
+        raise UserError(f"--format {suffix[:80]}: the suffixes of both clouds name their formats: leave it out")
+    if columns is not None and not any(format_of(path, chosen) in TEXT_READERS for path, chosen in files):
         raise UserError(f"--columns {columns[:200]}: neither cloud is text, whose columns it could name")
-    clouds = read_points(prediction, columns=columns), read_points(truth, columns=columns)
+    judged, true = (read_points(path, chosen, columns=columns) for path, chosen in files)
     surface = None if mesh is None else read_mesh(mesh)
-    values = measure(*clouds, surface, frame=frame, metrics=metrics or None, plugins=plugins)
-    if not metrics and (why := why_no_emd(*map(len, clouds))):
+    values = measure(judged, true, surface, frame=frame, metrics=metrics or None, plugins=plugins)
+    if not metrics and (why := why_no_emd(len(judged), len(true))):
         click.echo(f"skipped: {why}", err=True)
     if plain:
         click.echo(json.dumps(values))

@@ -70,6 +70,12 @@ def _complete_option(option: str) -> "Callable[[click.Context, click.Parameter, 
     help="Cloud that a camera sees, in the mesh's frame and unit.  [default: random points of the surface]",
 )
 @click.option(
+    "--format",
+    "suffix",
+    default=None,
+    help="Format of the cloud, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …  [default: by the suffix]",
+)
+@click.option(
     "--source",
     default="digit",
     show_default=True,
@@ -95,6 +101,7 @@ def touch(
     policy: str | None,
     object_size: str | None,
     cloud: Path | None,
+    suffix: str | None,
     source: str,
     overrides: tuple[str, ...],
     overwrite: bool,
@@ -117,6 +124,8 @@ def touch(
 
     if any(override.partition("=")[0].strip() == "use" for override in overrides):
         raise UserError("--set use=…: name the source with --source")
+    if suffix is not None and cloud is None:
+        raise UserError(f"--format {suffix[:80]}: it is the format of --cloud, which is not given")
     if not mesh.is_file():
         raise UserError(f"mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
     if mesh.resolve().parent == folder.resolve():
@@ -129,7 +138,7 @@ def touch(
     touch_source: TouchSource = recipe.data.touch.build(registry, "touch")
     item: ShapeItem = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
-        seen = read_points(cloud)
+        seen = read_points(cloud, suffix)
         warn_of_faults(seen, f"--cloud {cloud}")
         _check_same_frame(seen, item.mesh, cloud, mesh)
     else:

@@ -60,9 +60,9 @@ PIPE = Path("-")
 @click.option(
     "--format",
     "suffix",
-    default="ply",
-    show_default=True,
-    help="Format of pipes and of files without a suffix: ply, xyz, npy …",
+    default=None,
+    help="Format of IN, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …; and of a pipe OUT.  "
+    "[default: by the suffix; ply for pipes and files without]",
 )
 @click.option("--device", default="auto", show_default=True, help="Device: auto, cpu, cuda, cuda:1.")
 @jobs_option("Processes.  [default: all cores from 20,000 points on]")
@@ -88,7 +88,7 @@ def upsample(
     replace: bool,
     bad: "Bad",
     columns: str | None,
-    suffix: str,
+    suffix: str | None,
     device: str,
     jobs: int | None,
     scheduler: str | None,
@@ -98,19 +98,15 @@ def upsample(
     """Make a cloud dense and write it.
 
     Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
-    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS or LAZ; OBJ, STL, GLB and OFF can be read too.
+    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57, STL, GLB and OFF can be read too,
+    and KITTI, nuScenes and COLMAP by --format.
     """
     import time
 
+    import numpy as np
+
     from pcsr.clouds.faults import screen
-    from pcsr.clouds.formats import (
-        check_finite_only,
-        cloud_bytes,
-        read_cloud,
-        read_cloud_pipe,
-        writable,
-        write_cloud,
-    )
+    from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
     from pcsr.progress import progress_bars
 
     start = time.perf_counter()
@@ -120,19 +116,22 @@ def upsample(
         check_suffix(mesh)  # before the work, not after it
         open3d()
     console = streams.console(error=True, quiet=quiet)
-    kind = f".{suffix.lstrip('.')}"
-    writable(out if out != PIPE else Path(f"pipe{kind}"))  # before the work, not after it
+    chosen = ".ply" if suffix is None and (cloud == PIPE or cloud.suffix == "") else suffix
+    kind = f".{(suffix or 'ply').lower().lstrip('.')}"
+    kind = kind if kind in CLOUD_WRITERS else ".ply"
+    target = out if out != PIPE else Path(f"pipe{kind}")
+    writable(target)  # before the work, not after it
     if out == PIPE:
         streams.open_output()
     name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
     with _yellow_warnings(console):
         read = (
-            read_cloud_pipe(streams.open_input(), kind, name, bad="keep", columns=columns)
+            read_cloud_pipe(streams.open_input(), chosen or ".ply", name, bad="keep", columns=columns)
             if cloud == PIPE
-            else read_cloud(cloud, kind if cloud.suffix == "" else None, bad="keep", columns=columns)
+            else read_cloud(cloud, chosen, bad="keep", columns=columns)
         )
         given = screen(read, bad, name)
-    check_finite_only(given.cloud, out.suffix if out != PIPE else kind, str(out))
+    writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
     touches, recorded = [], 0
     if touch is not None:
         from pcsr.recorded import read as read_touches

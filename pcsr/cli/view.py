@@ -52,12 +52,17 @@ SUFFIXES = (".html", ".htm", ".png")
 @click.option(
     "--format",
     "suffix",
-    default="ply",
-    show_default=True,
-    help="Format of a pipe and of files without a suffix: ply, xyz, npy …",
+    default=None,
+    help="Format of a pipe and of files whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …  "
+    "[default: ply for pipes and files without a suffix]",
 )
 def view(
-    clouds: tuple[Path, ...], out: Path | None, color: str | None, before: Path | None, touch: Path | None, suffix: str
+    clouds: tuple[Path, ...],
+    out: Path | None,
+    color: str | None,
+    before: Path | None,
+    touch: Path | None,
+    suffix: str | None,
 ) -> None:
     """Show clouds side by side in the browser.
 
@@ -70,15 +75,17 @@ def view(
     pcsr view scan.ply dense.ply --before scan.ply
     pcsr view scan.las --color classification -o scan.png
     """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.clouds.formats.format_table import named_by
     from pcsr.extras import require
 
     path = _target(out)
     require({"matplotlib": "a picture"} if path.suffix.lower() == ".png" else {"plotly": "the viewer"})
     if list(clouds).count(PIPE) > 1:
         raise UserError("- is given twice, and there is one standard input: give it once")
-    kind = f".{suffix.lstrip('.')}"
-    read = [_read(one, kind) for one in clouds]
-    old = None if before is None else _read(before, kind)
+    if suffix is not None and all(map(named_by, [*clouds, *([] if before is None else [before])])):
+        raise UserError(f"--format {suffix[:80]}: the suffixes of all clouds name their formats: leave it out")
+    read = [_read(one, suffix) for one in clouds]
+    old = None if before is None else _read(before, suffix)
     touches = _touches(touch)
     from pcsr.files import write_bytes, write_text
     from pcsr.report.clouds.colouring import SOURCE
@@ -139,14 +146,16 @@ def _target(out: Path | None) -> Path:
     return PAGE
 
 
-def _read(path: Path, kind: str) -> "Cloud":
+def _read(path: Path, suffix: str | None) -> "Cloud":
     """Read a cloud, without points that are not finite, and say how many there were."""
     from pcsr.clouds.formats import read_cloud, read_cloud_pipe
+    from pcsr.clouds.formats.format_table import named_by
 
     if path == PIPE:
-        cloud = read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad="drop")
+        cloud = read_cloud_pipe(streams.open_input(), suffix or ".ply", "the cloud from the pipe", bad="drop")
     else:
-        cloud = read_cloud(path, kind if path.suffix == "" else None, bad="drop")
+        chosen = ".ply" if suffix is None and path.suffix == "" else suffix
+        cloud = read_cloud(path, None if named_by(path) else chosen, bad="drop")
     if dropped := cloud.about.get("dropped"):
         click.echo(f"{path}: {dropped} points are not finite and are not shown", err=True)
     return cloud

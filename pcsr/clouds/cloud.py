@@ -43,6 +43,13 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
+    @property
+    def is_single(self) -> bool:
+        """Whether the file had coordinates in single precision."""
+        return any(
+            about.get("coordinates") in ("float", "f4") for about in self.about.values() if isinstance(about, dict)
+        )
+
     def chosen(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "Cloud":
         """Return the cloud of the rows with these indices, in their order, or of those where a mask is True."""
         return Cloud(self.points[rows], {name: column[rows] for name, column in self.columns.items()}, self.about)
@@ -69,11 +76,11 @@ class Cloud:
             keep: put the old points before the new ones; otherwise they are dropped.
             used: which old points columns are interpolated from; all by default.
         """
-        if any(about.get("coordinates") in ("float", "f4") for about in self.about.values() if isinstance(about, dict)):
-            with np.errstate(over="ignore"):
+        if self.is_single:
+            with np.errstate(over="ignore", under="ignore"):
                 single = points.astype(np.float32).astype(np.float64)
             # Single precision, as in the file, unless a text file declares doubles as single.
-            points = single if np.isfinite(single).all() else points
+            points = single if np.allclose(single, points, rtol=1e-6, atol=1e-30) else points
         old = self if used is None or used.all() else self.chosen(used)
         columns = carry(old.columns, old.points, points)
         if keep:

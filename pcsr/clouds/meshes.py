@@ -1,6 +1,5 @@
 """Reader of mesh files."""
 
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from pcsr.clouds.formats.beginnings import check_start
 from pcsr.clouds.formats.mesh import MEMORY, MESHES, load_scene
+from pcsr.clouds.formats.mesh_checks import check_mesh, fault
 from pcsr.errors import UserError
 from pcsr.inputs import read_bytes
 
@@ -43,14 +43,14 @@ def read_mesh(path: str | Path) -> "Trimesh":
     data = read_bytes(path, memory=MEMORY, check=lambda head: check_start(head, suffix, str(path)))
     try:
         with np.errstate(all="ignore"):  # of trimesh; vertices that are not finite are found when they are used
+            check_mesh(data, suffix)
             mesh = _joined(load_scene(data, suffix[1:]))
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
-    except IndexError as error:
-        raise UserError(f"{path} cannot be read as a mesh: a face names a vertex that is not there") from error
+    except MemoryError as error:
+        raise UserError(f"{path} cannot be read: it needs more memory than is free") from error
     except Exception as error:  # malformed files make the readers raise errors of any type
-        reason = textwrap.shorten(str(error), 200) or type(error).__name__
-        raise UserError(f"{path} cannot be read as a mesh: {reason}") from error
+        raise UserError(f"{path} cannot be read as a mesh: {fault(data, suffix)}") from error
     if not len(mesh.faces):
         raise UserError(f"{path} has no faces: give a mesh, not a cloud")
     check_faces(np.asarray(mesh.faces), len(mesh.vertices), str(path))

@@ -28,12 +28,7 @@ def open3d() -> ModuleType:
     Raises:
         UserError: Open3D or a system library that it needs is not installed.
     """
-    try:
-        module: ModuleType = imported("open3d", "a surface")
-    except OSError as error:
-        raise UserError(
-            f"Open3D cannot be loaded ({error}): on Debian and Ubuntu, apt install libusb-1.0-0 libgl1 libgomp1"
-        ) from error
+    module: ModuleType = imported("open3d", "a surface")
     return module
 
 

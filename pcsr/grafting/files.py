@@ -1,7 +1,6 @@
 """Files of grafts: the weights of the network and of its tactile parts, and the options of these parts."""
 
 import json
-import textwrap
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +16,7 @@ from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout
 from pcsr.grafting.probe import find_layer
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import modern_part
-from pcsr.weights.file import NONSENSE, card_text, open_tensors, parse_card
+from pcsr.weights.file import NONSENSE, card_text, fault, open_tensors, parse_card
 from pcsr.weights.fit import fill
 
 WIDEST = 10**6
@@ -90,10 +89,7 @@ def _read(path: Path) -> tuple[dict[str, Tensor], InjectionPoint, Any, Any]:
                 modern_part("encoder", encoder) if isinstance(encoder := card["touch_encoder"], dict) else encoder,
             )
     except (OSError, *NONSENSE) as error:
-        reason = textwrap.shorten(str(error), 200)
-        raise UserError(
-            f"{path} is not a file of save_graft ({type(error).__name__}: {reason}): save the graft again"
-        ) from error
+        raise UserError(f"{path} is not a file of save_graft ({fault(error)}): save the graft again") from error
 
 
 def _point(card: Any) -> InjectionPoint:

@@ -1,7 +1,6 @@
 """Evaluation of one cloud: all metrics by name, in a frame of choice."""
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,12 @@ from pcsr.clouds.convert import convert
 from pcsr.clouds.faults import warn_of_faults
 from pcsr.clouds.meshes import check_faces
 from pcsr.contracts import Metric
-from pcsr.errors import PcsrWarning, UserError, did_you_mean
+from pcsr.errors import UserError, did_you_mean
 from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, NamedMetric
 from pcsr.metrics.emd import check_sizes
+from pcsr.metrics.units import warn_of_units
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.tensors import Mesh
 from pcsr.threads import threads
@@ -27,8 +27,6 @@ from pcsr.validation_messages import shown
 
 LARGEST, SMALLEST = 1e150, 1e-150
 """Range of coordinates whose squares neither overflow nor underflow in double precision."""
-MOST_RATIO = 3.0
-"""Largest ratio of the sizes of two clouds that are in the same unit. A metre has 3.28 feet."""
 IDENTITY = UnitSphere(np.zeros(3), 1.0)
 """Frame that leaves coordinates unchanged."""
 
@@ -64,7 +62,7 @@ def evaluate(
 
     Warns:
         PcsrWarning: a cloud has sentinels of invalid pixels or far outliers, which are used like all other points, or
-            one cloud is so much larger than the other that it must be in another unit.
+            the clouds or the mesh differ so much in size that their units must differ.
 
     Examples:
         >>> truth = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
@@ -91,7 +89,11 @@ def evaluate(
     for cloud, which in zip(clouds, ("the prediction", "the truth"), strict=True):
         warn_of_faults(cloud, which)
     if frame != "each":
-        _warn_of_units(*clouds)
+        remedy = "convert one, or normalise each by itself (--frame each)"
+        warn_of_units(clouds[0], "the prediction", clouds[1], "the truth", remedy=remedy)
+    if surface:
+        beside, which = (clouds[0], "the prediction") if frame == "each" else (clouds[1], "the truth")
+        warn_of_units(surface[0], "the mesh", beside, which)
     judged, true = (torch.from_numpy(cloud) for cloud in scaled)
     values = {}
     with threads(1):
@@ -107,26 +109,6 @@ def evaluate(
             else:
                 values[name] = measured(name, metric, judged, true, surface)
     return values
-
-
-def _warn_of_units(prediction: Float[np.ndarray, "p 3"], truth: Float[np.ndarray, "t 3"]) -> None:
-    """Warn of two clouds that differ in size by more than `MOST_RATIO`."""
-    sizes = {"the prediction": _size(prediction), "the truth": _size(truth)}
-    (smaller, small), (larger, large) = sorted(sizes.items(), key=lambda one: one[1])
-    if 0 < small * MOST_RATIO < large:
-        warnings.warn(
-            f"{larger} is {large / small:.4g} times as large as {smaller}: if their units differ, convert one, or "
-            f"normalize each by itself (--frame each)",
-            PcsrWarning,
-            stacklevel=3,
-        )
-
-
-def _size(cloud: Float[np.ndarray, "n 3"]) -> float:
-    """Return the median distance from the median point, which few outliers don't change."""
-    scale = float(np.abs(cloud).max()) or 1.0  # so that no difference overflows
-    inside = cloud / scale
-    return float(np.median(np.abs(inside - np.median(inside, axis=0)).max(axis=1))) * scale
 
 
 def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str, Metric]:

@@ -49,7 +49,7 @@ def _check_size(width: int, height: int, path: Path) -> None:
 
 
 def _picture(path: Path) -> np.ndarray:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     data = read_bytes(path, most=LARGEST)
     try:
@@ -64,8 +64,7 @@ def _picture(path: Path) -> np.ndarray:
     except Image.DecompressionBombError as error:
         raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels: make it smaller") from error
     except Exception as error:  # a malformed file makes Pillow raise errors of many types
-        reason = "it is damaged, or no PNG or JPEG" if isinstance(error, UnidentifiedImageError) else error
-        raise UserError(f"{path} cannot be read as an image: {reason}") from error
+        raise UserError(f"{path} cannot be read as an image: it is damaged, or no PNG or JPEG") from error
     if mode not in GREY:
         raise UserError(f"{path} is an image of mode {mode}: heights, depths and masks must be grey, of 8 or 16 bits")
     return levels

@@ -138,6 +138,11 @@ def _json(path: Path) -> dict[str, Any]:
         raise UserError(f"{error}: every recording has one") from error
     try:
         plain = json.loads(data.decode("utf-8-sig"), object_pairs_hook=_unique_keys, parse_int=_integer)
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is not valid JSON: byte {error.start} is no UTF-8 text") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise UserError(f"{path} is not valid JSON: {place}: a comma, bracket or value is wrong") from error
     except ValueError as error:
         raise UserError(f"{path} is not valid JSON: {error}") from error
     except RecursionError as error:

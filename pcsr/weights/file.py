@@ -108,11 +108,18 @@ def _explained(path: Path) -> Iterator[None]:
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror or error}") from error
     except NONSENSE as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise UserError(
-            f"{path} is not a weights file of pcsr ({reason}): get it again, or delete it, and `pcsr run` trains it "
-            f"again"
+            f"{path} is not a weights file of pcsr ({fault(error)}): get it again, or delete it, and `pcsr run` trains "
+            f"it again"
         ) from error
+
+
+def fault(error: Exception) -> str:
+    """Return what is wrong with a weights file that raised an error, in words that are not those of a library."""
+    if isinstance(error, UnicodeEncodeError):
+        return "its card has surrogates, which are no characters"
+    own = type(error) is ValueError  # the errors of libraries are of classes derived from it
+    return " ".join(str(error).split())[:200] if own else "its header is damaged or cut off, or is that of another file"
 
 
 def parse_card(written: str) -> dict[str, Any]:

@@ -151,7 +151,7 @@ def test_measuring_says_the_faults_and_different_units(tmp_path):
     for name, cloud in (("a", points), ("mm", points * 1000), ("sick", invalid([0, 0, 0])[0])):
         write_cloud(tmp_path / f"{name}.xyz", Cloud(cloud))
     said = run("evaluate", tmp_path / "mm.xyz", tmp_path / "a.xyz", "--metric", "cd")
-    assert "the prediction is 1000 times as large as the truth" in said
+    assert "the prediction is 1,000 times as large as the truth" in said
     said = run("evaluate", tmp_path / "sick.xyz", tmp_path / "a.xyz", "--metric", "cd")
     assert "the prediction: " in said
     assert "points have the coordinates (0, 0, 0)" in said

@@ -183,9 +183,9 @@ def test_text_is_written_with_the_names_that_it_had():
         ("name,x,y,z\nP0,1,2,3\nP1,4,5,6\n", {}, ["column 'name' is not numbers, such as 'P0', and left out"]),
         ('x,y,z,"what, where"\n1,2,3,"a, b"\n4,5,6,c\n', {}, ["'what, where' is not numbers, such as 'a, b'"]),
         ("x,y,z,t\n1,2,3,2020-01-01 12:00:00\n4,5,6,2020-01-01 12:00:01\n", {}, ["column 't' is not numbers"]),
-        ("1,2,3,\n4,5,6,\n", {}, []),
-        ("x,y,z,\n1,2,3,\n4,5,6,\n", {}, []),
-        ("x,y,z\n1,2,3,\n4,5,6,\n", {}, []),
+        ("1,2,3,\n4,5,6,\n", {}, ["column 4 is without any value and left out"]),
+        ("x,y,z,\n1,2,3,\n4,5,6,\n", {}, ["column 4 is without any value and left out"]),
+        ("x,y,z\n1,2,3,\n4,5,6,\n", {}, ["column 4 is without any value and left out"]),
         ("x,y,z,a\n1,2,3,\n4,5,6,\n", {}, ["column 'a' is without any value and left out"]),
         ("x,y,z,a\n1,2,3,\n4,5,6,7\n", {"a": [None, 7]}, ["column 'a' is without a value at 1 of 2 points: NaN"]),
         (

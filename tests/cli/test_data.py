@@ -60,7 +60,7 @@ def test_make_takes_a_folder_of_meshes(data, tmp_path):
     about = json.loads((tmp_path / "out" / "manifest.json").read_text())["splits"]["train"]
     assert about["objects"] == 2
     assert list(about["rejected"]) == ["torn.stl"]
-    assert "torn.stl has no faces" in about["rejected"]["torn.stl"]
+    assert "torn.stl: it has 10 bytes, and an STL file has 84 or more" in about["rejected"]["torn.stl"]
 
 
 def test_data_of_which_nothing_can_be_used_is_a_failure_with_its_reasons(data, tmp_path):

@@ -70,6 +70,14 @@ def test_the_sparse_policy_looks_at_the_cloud(part, tmp_path):
     assert all(one.points[:, 0].mean() < 0 for one in read(tmp_path / "touches").touches)
 
 
+def test_the_format_of_the_cloud_is_given(part, tmp_path):
+    points = trimesh.load(part).sample(300, seed=0)
+    (tmp_path / "a.bin").write_bytes(np.hstack([points, np.ones((300, 1))]).astype("<f4").tobytes())
+    command = (part, "-o", tmp_path / "touches", "--count", 1, "--cloud", tmp_path / "a.bin")
+    assert "name the right one, --format kitti" in touch(*command).output
+    assert touch(*command, "--format", "kitti").exit_code == 0
+
+
 def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
     command = (part, "-o", tmp_path / "touches", "--count", 1)
     assert touch(*command).exit_code == 0
@@ -90,6 +98,7 @@ def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
         (["--object-size", "null"], "part.stl is 0.084 mm long, smaller than the gel"),
         (["--source", "recordde"], "there is no touch 'recordde': did you mean 'recorded'?"),
         (["--cloud", "no.ply"], "no.ply"),
+        (["--format", "kitti"], "--format kitti: it is the format of --cloud, which is not given"),
     ],
 )
 def test_a_mistake_is_one_line_and_writes_nothing(part, tmp_path, arguments, said):

@@ -128,6 +128,14 @@ def test_a_cloud_comes_from_a_pipe(view):
     assert view("-", "-").exit_code == 2
 
 
+def test_the_format_of_a_file_whose_suffix_names_none_is_given(view):
+    Path("a.bin").write_bytes(np.hstack([POINTS[:7], np.ones((7, 1))]).astype("<f4").tobytes())
+    done = view("scan.ply", "a.bin", "--format", "kitti", "--before", "a.bin")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines()[1] == "a.bin, 7 points: 7 old"
+    assert "name the right one, --format kitti" in view("a.bin").stderr
+
+
 def test_files_of_the_same_name_are_told_apart(view):
     Path("b").mkdir()
     Path("b/scan.ply").write_bytes(Path("scan.ply").read_bytes())
@@ -151,6 +159,7 @@ def test_a_name_that_is_no_text_is_shown(view):
         (["scan.ply", "--color", "heet"], "--color heet: no cloud has such a column: did you mean 'heat'?"),
         (["missing.ply"], "missing.ply"),
         (["scan.ply", "--before", "missing.ply"], "missing.ply"),
+        (["scan.ply", "--format", "xyz"], "--format xyz: the suffixes of all clouds name their formats: leave it out"),
         (["scan.ply", "--touch", "missing"], "missing"),
         ([], "FILE..."),
     ],

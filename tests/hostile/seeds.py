@@ -41,16 +41,19 @@ def image(levels: np.ndarray, kind: str) -> bytes:
     return file.getvalue()
 
 
+LACKING = {(".obj", "labels"), (".pts", "labels"), (".pts", "colours")}
+"""Formats, and clouds whose columns they cannot hold."""
+
+
 def clouds() -> Iterator[Seed]:
     from pcsr.clouds.cloud import Cloud
-    from pcsr.clouds.formats import CLOUD_WRITERS, READERS, cloud_bytes, read_cloud, read_points
+    from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_points
     from pcsr.metrics.one_cloud import evaluate
 
     def read(folder: Path) -> None:
         (path,) = folder.iterdir()
         cloud = read_cloud(path)
-        if path.suffix in READERS:
-            read_points(path)
+        read_points(path)
         if len(cloud) < 100:
             evaluate(cloud.points, POINTS)
             evaluate(cloud.points[::-1], cloud.points, frame="each")
@@ -70,7 +73,7 @@ def clouds() -> Iterator[Seed]:
     labelled = Cloud(POINTS, {"label": np.arange(20, dtype=np.int32), "weight": RNG.random(20)})
     for suffix in CLOUD_WRITERS:
         for name, cloud in (("plain", Cloud(POINTS)), ("colours", full), ("labels", labelled)):
-            if suffix != ".obj" or name != "labels":
+            if (suffix, name) not in LACKING:
                 yield Seed(f"{suffix} {name}", {f"in{suffix}": cloud_bytes(cloud, suffix)}, read)
     for encoding in ("ascii", "binary_big_endian"):
         data = cloud_bytes(Cloud(POINTS, full.columns, {"ply": {"encoding": encoding}}), ".ply")

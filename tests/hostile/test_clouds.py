@@ -149,13 +149,15 @@ def test_a_ply_with_uneven_lists_before_its_vertices(limited, tmp_path):
     more = "property list uchar uchar a\nelement vertex 1\n"
     head = PLY.format(form="binary_little_endian", name="face", n=2_000_000, more=more).encode()
     (tmp_path / "in.ply").write_bytes(head + b"\0\1a" * 1_000_000 + bytes(12))
-    refused(limited, tmp_path, "in.ply", "2000000 of 'face'", "write the vertices first", megabytes=60)
+    refused(limited, tmp_path, "in.ply", "all 1 points of in.ply lie on one spot", megabytes=60)
+    (tmp_path / "in.ply").write_bytes(head.replace(b"2000000", b"20000000") + b"\0\1a" * 1_000_000)
+    refused(limited, tmp_path, "in.ply", "cut off: at most", "of its 20000000 of 'face' are there", megabytes=60)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ((b"POINTS 40", b"POINTS 1000000000000"), ["1000000000000"]),
+        ((b" 40\n", b" 1000000000000\n"), ["1000000000000"]),
         ((b"COUNT 1", b"COUNT 1000000000"), ["COUNT", "10000"]),
         ((b"SIZE 8", b"SIZE 9"), ["TYPE and SIZE"]),
         ((b"HEIGHT 1", b"HEIGHT -1"), ["HEIGHT"]),
@@ -164,7 +166,7 @@ def test_a_ply_with_uneven_lists_before_its_vertices(limited, tmp_path):
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
 def test_a_pcd_whose_header_lies(limited, tmp_path, encoding, change, words):
     data = cloud_bytes(Cloud(np.round(POINTS), {}, {"pcd": {"encoding": encoding}}), ".pcd")
-    (tmp_path / "in.pcd").write_bytes(data.replace(*change, 1))
+    (tmp_path / "in.pcd").write_bytes(data.replace(*change))
     refused(limited, tmp_path, "in.pcd", "in.pcd", *words, megabytes=60)
 
 
@@ -202,10 +204,10 @@ def test_a_file_that_grows_while_it_is_read(tmp_path, monkeypatch):
         with path.open("ab") as file:
             file.write(b"4 5 6\n")
 
-    monkeypatch.setattr("pcsr.clouds.formats.check_start", grow)
+    monkeypatch.setattr("pcsr.clouds.formats.reading.check_start", grow)
     with pytest.raises(UserError, match="grew while it was read"):
         read_cloud(path)
-    monkeypatch.setattr("pcsr.clouds.formats.check_start", lambda head, suffix, name: os.truncate(path, 10))
+    monkeypatch.setattr("pcsr.clouds.formats.reading.check_start", lambda head, suffix, name: os.truncate(path, 10))
     with pytest.raises(UserError, match="shrank to 10 bytes while it was read"):
         read_cloud(path)
 

@@ -225,8 +225,9 @@ def test_nothing_is_trained_on_damaged_data(limited, folder, damage):
     DAMAGE[damage](folder)
     few = ("--set", "data.touches=2", "--set", "train.touches=2", "--jobs", 1)
     outcome = limited("run", RECIPE, "--data", "data", *few, folder=folder.parent)
-    warning, _, error = outcome.err.partition("\n")
+    warning, log, error = outcome.err.split("\n", 2)
     assert "names of pcsr 0.1" in warning
+    assert "is replaced by data" in log
     replace(outcome, err=error).refused("data/", ".safetensors", "run the command that built it again")
     assert not (folder.parent / "runs").exists()
     assert "training" not in outcome.out

@@ -3,7 +3,7 @@
 import zipfile
 from io import BufferedIOBase, BytesIO
 from pathlib import PurePosixPath
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -24,7 +24,8 @@ def read_npy(data: bytes) -> Cloud:
         UserError: the array has another shape or does not hold real numbers.
     """
     array = _numbers(read_array(BytesIO(data), len(data)))
-    return _cloud(array, {}, {"npy": {"kind": array.dtype.str[1:]}})
+    kind = array.dtype.str[1:]
+    return _cloud(array, {}, {"npy": {"kind": kind, "coordinates": kind}})
 
 
 def read_npz(data: bytes) -> Cloud:
@@ -56,7 +57,14 @@ def read_npz(data: bytes) -> Cloud:
             else:
                 left_out.append(other)
     cloud = _cloud(points, columns, {})
-    return Cloud(cloud.points, cloud.columns, {"left out": sorted(left_out)} if left_out else {})
+    about: dict[str, Any] = {"npz": {"coordinates": points.dtype.str[1:]}}
+    if left_out:
+        what = ", ".join(sorted(left_out))[:200]
+        note = (
+            f"its {what} were left out: columns are arrays of numbers with a row for each of the {len(points)} points"
+        )
+        about |= {"left out": sorted(left_out), "notes": (note,)}
+    return Cloud(cloud.points, cloud.columns, about)
 
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:

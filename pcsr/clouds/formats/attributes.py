@@ -76,9 +76,8 @@ def _notes(table: Table, names: Sequence[str]) -> list[str]:
     if table.words:
         example = next(iter(table.words.values()))[:40]
         notes.append(f"{_called(table.words, names)} not numbers, such as '{example}', and left out")
-    named = [i for i in table.empty if i < len(names) and names[i]]
-    if named:
-        notes.append(f"{_called(named, names)} without any value and left out")
+    if table.empty:
+        notes.append(f"{_called(table.empty, names)} without any value and left out")
     if table.short:
         lines, low, high = table.short
         notes.append(f"{lines} of {count} lines have {low} columns instead of {high}: what they lack is NaN")

@@ -12,6 +12,7 @@ MAGIC = {
     b"PK\x03\x04": (".npz",),
     b"glTF": (".glb",),
     b"LASF": (".las", ".laz"),
+    b"ASTM-E57": (".e57",),
 }
 """First bytes by which a supported format is recognised, and its suffixes."""
 FOREIGN = {
@@ -30,6 +31,7 @@ BEGINNINGS = {
     ".glb": b"glTF",
     ".las": b"LASF",
     ".laz": b"LASF",
+    ".e57": b"ASTM-E57",
 }
 """First bytes that a file of a format must have, by suffix."""
 TEXT = (".xyz", ".txt", ".asc", ".csv", ".pts", ".ptx", ".obj", ".off")
@@ -41,7 +43,8 @@ def check_start(head: bytes, suffix: str, name: str) -> None:
 
     Args:
         head: beginning of the file, at most `pcsr.inputs.HEAD` bytes.
-        suffix: suffix of the expected format, such as ".ply".
+        suffix: suffix of the expected format, such as ".ply", or its name. A file of a format without suffix may begin
+            with any bytes.
         name: name of the file in error messages.
 
     Raises:
@@ -50,9 +53,13 @@ def check_start(head: bytes, suffix: str, name: str) -> None:
     suffix = suffix.lower()
     if not head:
         raise UserError(f"{name} cannot be read as a {suffix} file: it is empty (0 bytes) and holds no points")
+    if not suffix.startswith("."):
+        return
     for magic, suffixes in MAGIC.items():
         if head.startswith(magic) and suffix not in suffixes:
-            raise UserError(f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it")
+            raise UserError(
+                f"{name} is a {suffixes[0]} file by its content, not a {suffix}: rename it, or correct --format"
+            )
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise UserError(f"{name} is a {kind} file by its content, not a {suffix}: unpack or convert it")

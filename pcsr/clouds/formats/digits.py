@@ -1,12 +1,12 @@
 """Numbers as text: reading rows of numbers, and writing numbers with the fewest digits."""
 
 import warnings
+from array import array
 from io import StringIO
-from itertools import islice
 
 import numpy as np
 
-from pcsr.clouds.formats.missing import is_number, number
+from pcsr.clouds.formats.missing import number
 from pcsr.errors import UserError
 from pcsr.limits import LONGEST_LINE
 
@@ -59,18 +59,27 @@ def load_rows(text: str, count: int | None = None) -> np.ndarray:
 
 def _load_spelled(text: str, count: int | None) -> np.ndarray:
     """Read rows as `load_rows` does, with every spelling of numbers that are not finite."""
-    rows = list(islice((row for row in map(str.split, text.splitlines()) if row), count))
-    for at, row in enumerate(rows, 1):
-        if len(row) != len(rows[0]):
+    values, width, at = array("d"), 0, 0
+    for row in map(str.split, StringIO(text, newline=None)):
+        if at == count:
+            break
+        if not row:
+            continue
+        at, width = at + 1, width or len(row)
+        if len(row) != width:
             raise UserError(
-                f"its rows of numbers cannot be read: row {at} has {len(row)} numbers and the first has "
-                f"{len(rows[0])}: it is cut off or damaged"
+                f"its rows of numbers cannot be read: row {at} has {len(row)} numbers and the first has {width}: it "
+                f"is cut off or damaged"
             )
         for word in row:
-            if not is_number(word):
+            try:
+                values.append(number(word))
+            except ValueError:
                 remedy = "write decimal points, not commas" if "," in word else "it is damaged"
-                raise UserError(f"its rows of numbers cannot be read: '{word[:80]}' in row {at} is no number: {remedy}")
-    return np.array([list(map(number, row)) for row in rows], np.float64)
+                raise UserError(
+                    f"its rows of numbers cannot be read: '{word[:80]}' in row {at} is no number: {remedy}"
+                ) from None
+    return np.array(values).reshape(-1, width or 1)
 
 
 def cast_column(column: np.ndarray, kind: np.dtype, name: str) -> np.ndarray:

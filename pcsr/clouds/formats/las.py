@@ -12,15 +12,17 @@ from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native, spread, unused
 from pcsr.clouds.formats.laz import check_chunks, panics_as_errors
 from pcsr.errors import UserError
-from pcsr.extras import imported, remedy, require
+from pcsr.extras import imported, require
 from pcsr.limits import check_inflated
 
 USER = "the format LAS"
 """Feature that needs laspy, for the message if it is not installed."""
 RANGE = 2**31 - 1
 """Largest stored coordinate. LAS stores coordinates as 32-bit integers, times a scale, plus an offset."""
-FINEST = 1e-9
-"""Smallest scale for clouds that were not read from a LAS file."""
+SMALLEST = 1e-290
+"""Smallest scale. Those near the smallest double lose digits."""
+COPC = "copc"
+"""User id of the records that make a LAZ file a COPC: the place of its octree, and the octree."""
 NAME_LENGTH = 32
 """Longest name of a dimension, in bytes."""
 RECORD, LONG_RECORD = 54, 60
@@ -35,26 +37,46 @@ def read(data: bytes) -> Cloud:
     """
     laspy = imported("laspy", USER)
     _check_counts(data)
+    if data[104] > 127:
+        check_installed(compressed=True)
     try:
         with warnings.catch_warnings(), panics_as_errors() if data[104] > 127 else nullcontext():
             warnings.simplefilter("ignore")  # of unusual headers
             las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
-        hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
-        raise UserError(f"laspy cannot read it: {error}{hint}") from error
+        raise UserError("it is damaged, or of a version that laspy does not know: get the file again") from error
     if len(las.points) != las.header.point_count:
         raise UserError(
             f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there: get the file again"
         )
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
     columns = {name: native(np.array(las[name])) for name in names}
-    return Cloud(np.array(las.xyz, np.float64, order="C"), columns, {"las": {"header": las.header}})
+    about = {"las": {"header": las.header}, "notes": _without_octree(las.header)}
+    return Cloud(np.array(las.xyz, np.float64, order="C"), columns, about)
+
+
+def _without_octree(header: Any) -> tuple[str, ...]:
+    """Remove COPC's records from a header, since they hold for the points in the file alone; return a note on it."""
+    removed = 0
+    for records in (header.vlrs, header.evlrs):
+        for record in [one for one in records or () if one.user_id.lower() == COPC]:
+            records.remove(record)
+            removed += 1
+    if not removed:
+        return ()
+    return (f"it is a COPC: the octree in {removed} of its records was left out, and .laz is written as plain LAZ",)
 
 
 def _check_counts(data: bytes) -> None:
     """Check that the records and points that the header claims fit into the file; laspy would search for each."""
-    if len(data) < 227:
+    if len(data) < max(227, _integer(data, 94, 2)):
         raise UserError("it is cut off in its header")
+    numbers = np.frombuffer(data, "<f8", 6, 131)
+    if not (np.isfinite(numbers).all() and (np.abs(numbers[:3]) >= SMALLEST).all()):
+        raise UserError(
+            f"its header has the scales {numbers[:3].tolist()} and the offsets {numbers[3:].tolist()}, by which no "
+            f"coordinates can be computed: it is damaged"
+        )
     extended = data[25] >= 4  # version 1.4 has extended records after the points, and a point count of 64 bits
     claimed = _integer(data, 100, 4) * RECORD + (_integer(data, 243, 4) * LONG_RECORD if extended else 0)
     if claimed > len(data):
@@ -131,16 +153,22 @@ def _write(cloud: Cloud, *, compress: bool) -> bytes:
         file = BytesIO()
         las.write(file, do_compress=compress)
     except (laspy.LaspyException, OverflowError, ValueError) as error:
-        hint = f": {remedy(['lazrs'])}" if "LazBackend" in str(error) else ""
-        raise UserError(f"laspy cannot write the cloud: {error}{hint}") from error
+        raise UserError(
+            f"a LAS file of version {header.version} and point format {header.point_format.id} cannot hold this cloud: "
+            f"write a .ply file"
+        ) from error
     return file.getvalue()
 
 
 def _header(laspy: Any, points: np.ndarray, coloured: bool) -> Any:
     header = laspy.LasHeader(version="1.4", point_format=7 if coloured else 6)
-    header.offsets = np.floor(points.min(axis=0))
-    extent = max(float((points - header.offsets).max()), FINEST)
-    header.scales = np.full(3, max(FINEST, 10.0 ** np.ceil(np.log10(extent / RANGE))))
+    lowest, span = points.min(axis=0), float(np.ptp(points, axis=0).max())
+    header.offsets = np.floor(lowest) if span >= 1 or not span else lowest
+    extent = float((points - header.offsets).max()) or 1.0
+    scale = 10.0 ** np.ceil(np.log10(extent / RANGE))
+    if not scale >= SMALLEST:
+        raise UserError(f"the cloud is only {span:g} across, too small for the scales of LAS: write a .ply file")
+    header.scales = np.full(3, scale)
     return header
 
 

@@ -1,18 +1,18 @@
-"""Readers of OBJ, OFF, STL and GLB files as clouds of vertices with colours and normals; writer of OBJ files."""
+"""Readers of OBJ, OFF, STL and GLB files as clouds of vertices with colours and normals."""
 
 import logging
 import re
 import warnings
 from io import BytesIO
-from itertools import compress
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.columns import COLOURS, NORMALS, spread
-from pcsr.clouds.formats.digits import check_lines, load_rows, words
+from pcsr.clouds.columns import COLOURS, NORMALS
+from pcsr.clouds.formats import stl
+from pcsr.clouds.formats.digits import check_lines, load_rows
 from pcsr.clouds.formats.encodings import as_utf8
 from pcsr.clouds.formats.scene import check_scene
 from pcsr.errors import UserError
@@ -33,9 +33,8 @@ def read_obj(data: bytes) -> Cloud:
 
     Vertices without a colour are black if others have one.
     """
-    check_lines(data)
-    text = as_utf8(data)[0].decode("utf-8", "surrogatepass")
-    rows, coloured = _vertices(VERTEX.findall(text))
+    text = obj_text(data)
+    rows, coloured = obj_vertices(text)
     columns = _named(COLOURS, rows[:, 3:]) if coloured.any() else {}
     notes = []
     if columns and not coloured.all():
@@ -48,14 +47,19 @@ def read_obj(data: bytes) -> Cloud:
     return Cloud(np.ascontiguousarray(rows[:, :3]), columns, {"notes": tuple(notes)} if notes else {})
 
 
-def _vertices(lines: list[str]) -> tuple[Float[np.ndarray, "n c"], Bool[np.ndarray, " n"]]:
-    """Return coordinates with colours, which are 0 where a vertex has none; and which vertices have one.
+def obj_text(data: bytes) -> str:
+    """Return the text of an OBJ file, with continued lines joined."""
+    check_lines(data)
+    return re.sub(r"\\\r?\n", " ", as_utf8(data)[0].decode("utf-8", "surrogatepass"))
 
-    Empties the list of lines.
+
+def obj_vertices(text: str) -> tuple[Float[np.ndarray, "n c"], Bool[np.ndarray, " n"]]:
+    """Return coordinates with colours, which are 0 where a vertex has none; and which vertices have one.
 
     Raises:
         UserError: there are no vertices, or one has neither 3 or 4 nor 6 or 7 numbers.
     """
+    lines = VERTEX.findall(text)
     widths = np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))
     if not widths.any():
         raise UserError("it holds no points")
@@ -67,13 +71,16 @@ def _vertices(lines: list[str]) -> tuple[Float[np.ndarray, "n c"], Bool[np.ndarr
     coloured = widths > 4
     # Of four numbers the last is a weight. Alpha is read if all colours have it.
     channels = int(widths[coloured].min()) - 3 if coloured.any() else 0
-    rows = np.zeros((len(lines), 3 + channels))
-    texts = {int(width): "\n".join(compress(lines, widths == width)) for width in np.unique(widths)}
+    kept = 3 + channels
+    if widths.min() != widths.max():
+        black = ["0"] * channels
+        lines = [
+            " ".join(line.split()[:kept] if width > 4 else [*line.split()[:3], *black])
+            for line, width in zip(lines, widths, strict=True)
+        ]
+    text = "\n".join(lines)
     lines.clear()  # saves a quarter of the memory
-    for width, text in texts.items():
-        kept = 3 + channels if width > 4 else 3
-        rows[widths == width, :kept] = load_rows(text)[:, :kept]
-    return rows, coloured
+    return load_rows(text)[:, :kept], coloured
 
 
 def read_off(data: bytes) -> Cloud:
@@ -105,9 +112,10 @@ def read_off(data: bytes) -> Cloud:
 
 def read_stl(data: bytes) -> Cloud:
     """Read the vertices of an STL file. The format repeats a vertex for each face; duplicates are removed."""
+    data, notes = stl.checked(data)
     cloud = _loaded(data, "stl")
     _, first = np.unique(cloud.points, axis=0, return_index=True)
-    return Cloud(cloud.points[np.sort(first)])
+    return Cloud(cloud.points[np.sort(first)], about={**cloud.about, "notes": notes})
 
 
 def read_glb(data: bytes) -> Cloud:
@@ -128,7 +136,7 @@ def _loaded(data: bytes, kind: str) -> Cloud:
         raise UserError("it holds no points")
     common = [name for name in found[0] if all(name in each for each in found)]
     columns = {name: np.concatenate([each[name] for each in found]) for name in common}
-    return Cloud(np.concatenate(points), columns)
+    return Cloud(np.concatenate(points), columns, {kind: {"coordinates": "f4"}})
 
 
 def load_scene(data: bytes, kind: str) -> Any:
@@ -162,24 +170,3 @@ def _columns(part: Any, pose: Float[np.ndarray, "3 3"]) -> dict[str, np.ndarray]
 
 def _named(names: tuple[str, ...], block: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.ascontiguousarray(part) for name, part in zip(names, block.T, strict=False)}
-
-
-def write_obj(cloud: Cloud) -> bytes:
-    """Encode a cloud as an OBJ file without faces: vertices with colours from 0 to 1, and normals.
-
-    Raises:
-        UserError: the cloud has columns that the format cannot hold.
-    """
-    columns = spread(cloud.columns, rest=True)
-    colours = [columns.pop(name) for name in COLOURS if name in columns]
-    normals = [columns.pop(name) for name in NORMALS if name in columns]
-    if columns or len(normals) not in (0, 3) or len(colours) not in (0, 3, 4):
-        raise UserError(
-            f"an .obj holds points, complete colours and complete normals, not the columns "
-            f"{', '.join(columns) or 'of this cloud'}: write a .ply"
-        )
-    shares = [each / np.iinfo(each.dtype).max if each.dtype.kind in "iu" else each for each in colours]
-    lines = ["v " + " ".join(row) + "\n" for row in zip(*map(words, [*cloud.points.T, *shares]), strict=True)]
-    if normals:
-        lines += ["vn " + " ".join(row) + "\n" for row in zip(*map(words, normals), strict=True)]
-    return "".join(lines).encode()

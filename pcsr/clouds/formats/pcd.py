@@ -1,30 +1,23 @@
 """PCD, the format of the Point Cloud Library: text, binary and compressed, by pypcd4 (extra `[pcd]`)."""
 
 import re
-from io import BytesIO
+import warnings
+from io import BytesIO, StringIO
 from typing import Any
 
 import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import NORMALS, native, spread, unused
-from pcsr.clouds.formats.digits import check_lines, words
+from pcsr.clouds.formats.colours import in_bytes
+from pcsr.clouds.formats.digits import cast_column, load_rows, words
+from pcsr.clouds.formats.pcd_header import VIEWPOINT, Header, parse
+from pcsr.clouds.formats.precision import coordinates
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
-from pcsr.limits import check_inflated
 
 USER = "the format PCD"
 """Feature that needs pypcd4, for the message if it is not installed."""
-PADDING = "#$%&~~"
-"""Prefix that pypcd4 gives to the names of padding fields."""
-HEADER = 1 << 16
-"""Largest size of a header in bytes."""
-KINDS = {*((kind, size) for kind in "IU" for size in (1, 2, 4, 8)), ("F", 4), ("F", 8)}
-"""Types of fields and their sizes in bytes."""
-DIGITS = 20
-"""Numbers in a header must have fewer digits than this."""
-WIDEST = 10_000
-"""Most numbers of a point. pypcd4 would create a name for each number that a damaged header claims."""
 
 
 def read(data: bytes) -> Cloud:
@@ -33,37 +26,30 @@ def read(data: bytes) -> Cloud:
     Raises:
         UserError: a coordinate is missing, the file is cut off, or the extra `[pcd]` is not installed.
     """
-    pypcd4 = imported("pypcd4.pypcd4", USER)
-    _check_header(data)
-    cloud = pypcd4.PointCloud.from_fileobj(BytesIO(data))
-    meta = cloud.metadata
-    missing = [name for name in "xyz" if name not in cloud.fields]
-    if missing:
-        raise UserError(f"it has no field {', '.join(missing)}, only {', '.join(cloud.fields)}")
-    table = np.atleast_1d(cloud.pc_data)
-    if len(table) != cloud.points:
-        raise UserError(f"it is cut off: {len(table)} of its {cloud.points} points are there: get the file again")
-    about: dict[str, Any] = {"encoding": meta.data.value, "viewpoint": tuple(meta.viewpoint), "packed": []}
+    check_installed()
+    header = parse(data)
+    if not header.points:
+        raise UserError("it holds no points")
+    table = _text(data, header) if header.encoding == "ascii" else _binary(data, header)
+    about: dict[str, Any] = {"encoding": header.encoding, "viewpoint": header.viewpoint, "packed": []}
     columns: dict[str, np.ndarray] = {}
-    for name, count in zip(meta.fields, meta.count, strict=True):
-        if name.startswith(PADDING) or name in ("x", "y", "z"):
+    for one, column in zip(header.fields, table, strict=True):
+        name, packed = one.name, one.name.lower() in ("rgb", "rgba")
+        if name in ("", "x", "y", "z"):
             continue
-        if count > 1:
-            column = np.stack([table[f"{name}__{i:04d}"] for i in range(count)], axis=-1)
-        else:
-            column = native(table[name])
-        if name in ("rgb", "rgba") and column.dtype.itemsize == 4 and count == 1:
-            about["packed"] = [name, column.dtype.str[1:]]
+        if packed and column.dtype.itemsize == 4 and column.ndim == 1:
+            about["packed"] = [name.lower(), column.dtype.str[1:]]
             colours = _unpacked(column)
-            colours = colours if name == "rgba" else colours[:, :3]
+            colours = colours if name.lower() == "rgba" else colours[:, :3]
             for colour, part in zip(("red", "green", "blue", "alpha"), colours.T, strict=False):
                 columns[unused(colour, columns)] = np.ascontiguousarray(part)
         else:
             columns[unused(name.replace("normal_", "n") if name[:-1] == "normal_" else name, columns)] = column
+    by_name = {one.name: column for one, column in zip(header.fields, table, strict=True)}
     # Each coordinate is converted by itself, since the table's types may differ.
-    points = np.stack([np.asarray(table[name], np.float64) for name in "xyz"], axis=-1)
-    about["coordinates"] = table["x"].dtype.str[1:]
-    return Cloud(points, columns, {"pcd": about})
+    points = np.stack([np.asarray(by_name[axis], np.float64) for axis in "xyz"], axis=-1)
+    about["coordinates"] = by_name["x"].dtype.str[1:]
+    return Cloud(points, columns, {"pcd": about, "notes": tuple(header.notes)})
 
 
 def check_installed() -> None:
@@ -75,60 +61,65 @@ def check_installed() -> None:
     require({"pypcd4": USER})
 
 
-def _check_header(data: bytes) -> None:
-    """Check that the header describes a cloud that fits into the file, which pypcd4 does not check.
+def _binary(data: bytes, header: Header) -> list[np.ndarray]:
+    """Return the numbers of each field, (n,) or (n, count).
 
     Raises:
-        UserError: it does not.
+        UserError: the compressed data are damaged.
     """
-    end = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:HEADER], re.MULTILINE)
-    if not end:
-        raise UserError(
-            f"it cannot be read as a .pcd file: its header has no line DATA within {HEADER} bytes: get the file again"
+    pypcd4 = imported("pypcd4.pypcd4", USER)
+    size = sum(int(one.type[1:]) * one.count for one in header.fields)
+    used = header.points * size
+    # A header of the newest version, with unique names, is all that pypcd4 reads.
+    meta = pypcd4.MetaData(
+        fields=[f"f{number}" for number in range(len(header.fields))],
+        size=[int(one.type[1:]) for one in header.fields],
+        type=[one.type[0].upper() for one in header.fields],
+        count=[one.count for one in header.fields],
+        width=header.points,
+        points=header.points,
+        data=header.encoding,
+    )
+    rest = data[header.end : header.end + used] if header.encoding == "binary" else data[header.end :]
+    try:
+        table = pypcd4.PointCloud.from_fileobj(BytesIO(meta.compose_header().encode() + rest)).pc_data
+    except (ValueError, RuntimeError, TypeError) as error:
+        raise UserError("its compressed data are damaged: get the file again") from error
+    columns = []
+    for number, one in enumerate(header.fields):
+        parts = [f"f{number}"] if one.count == 1 else [f"f{number}__{i:04d}" for i in range(one.count)]
+        columns.append(
+            native(table[parts[0]]) if one.count == 1 else np.stack([table[part] for part in parts], axis=-1)
         )
-    lines = data[: end.start()].decode("utf-8", "replace").splitlines()
-    header = {words[0]: words[1:] for words in map(str.split, lines) if len(words) > 1}
-    fields = header.get("FIELDS", [])
-    if not fields:
-        raise UserError("its header has no line FIELDS")
-    sizes, counts = (_integers(header, key, len(fields)) for key in ("SIZE", "COUNT"))
-    if len(header.get("TYPE", [])) != len(fields) or not set(zip(header["TYPE"], sizes, strict=True)) <= KINDS:
-        raise UserError("its TYPE and SIZE must be I or U with 1, 2, 4 or 8, or F with 4 or 8, for each field")
-    if sum(counts) > WIDEST:
-        raise UserError(f"its COUNT is {' '.join(header['COUNT'])[:80]}: {WIDEST} numbers for each point are the most")
-    (points,) = _integers(header, "POINTS", 1)
-    _integers(header, "WIDTH", 1)
-    _integers(header, "HEIGHT", 1)
-    rest, encoding = data[end.end() :], end[1].decode()
-    whole = points * sum(size * count for size, count in zip(sizes, counts, strict=True))
-    if encoding == "ascii":
-        check_lines(data, end.end())
-    elif encoding == "binary":
-        there = len(rest) * points // whole if whole else 0
-        if there < points:
-            raise UserError(f"it is cut off: {there} of its {points} points are there: get the file again")
-    elif encoding == "binary_compressed":
-        packed, unpacked = (int.from_bytes(rest[at : at + 4], "little") for at in (0, 4))
-        if len(rest) < 8 + packed:
-            raise UserError(
-                f"it is cut off: {max(0, len(rest) - 8)} of {packed} compressed bytes are there: get the file again"
-            )
-        if unpacked != whole:
-            raise UserError(
-                f"its compressed data claim {unpacked} bytes, and its {points} points take {whole}: it is damaged"
-            )
-        check_inflated(packed, unpacked)
-    else:
-        raise UserError(f"its DATA is '{encoding[:80]}': ascii, binary and binary_compressed are known")
+    return columns
 
 
-def _integers(header: dict[str, list[str]], key: str, count: int) -> list[int]:
-    """Return the integers of a line of the header; COUNT and HEIGHT are 1 by default."""
-    words = header.get(key, ["1"] * count if key in ("COUNT", "HEIGHT") else [])
-    if len(words) < count or not all(word.isdecimal() and len(word) < DIGITS for word in words[:count]):
-        needed = "an integer is" if count == 1 else f"{count} integers are"
-        raise UserError(f"its {key} is '{' '.join(words)[:80]}': {needed} needed")
-    return [int(word) for word in words[:count]]
+def _text(data: bytes, header: Header) -> list[np.ndarray]:
+    """Return the numbers of each field, (n,) or (n, count).
+
+    Raises:
+        UserError: a row has too few or too many numbers, or a word is no number.
+    """
+    text = data[header.end :].decode("latin-1")
+    width = sum(one.count for one in header.fields)
+    kinds = [(f"{number}", one.type, (one.count,)) for number, one in enumerate(header.fields)]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # of numbers such as 1.5 that are truncated
+            table = np.loadtxt(StringIO(text), np.dtype(kinds), comments=None, ndmin=1, max_rows=header.points)
+        blocks = [table[f"{number}"] for number in range(len(header.fields))]
+    except (ValueError, DeprecationWarning):
+        rows = load_rows(text, header.points)
+        if rows.shape[1] != width:
+            raise UserError(f"its points have {rows.shape[1]} numbers each, and its header claims {width}") from None
+        blocks, at = [], 0
+        for one in header.fields:
+            blocks.append(cast_column(rows[:, at : at + one.count], np.dtype(one.type), one.name))
+            at += one.count
+    return [
+        np.ascontiguousarray(block[:, 0] if one.count == 1 else block)
+        for one, block in zip(header.fields, blocks, strict=True)
+    ]
 
 
 def _unpacked(packed: np.ndarray) -> np.ndarray:
@@ -140,7 +131,8 @@ def _unpacked(packed: np.ndarray) -> np.ndarray:
 def write(cloud: Cloud) -> bytes:
     """Write a cloud as PCD, in the encoding that it was read in, or binary; 8-bit colours are packed.
 
-    Coordinates are written in single precision if they were read so and need no more, otherwise in double precision.
+    Coordinates are written in single precision, which PCL and Open3D need, if they were read so and lose less than a
+    millionth of the extent, otherwise in double precision.
     Organised clouds are written with HEIGHT 1.
 
     Raises:
@@ -149,11 +141,9 @@ def write(cloud: Cloud) -> bytes:
     pypcd4 = imported("pypcd4.pypcd4", USER)
     about = cloud.about.get("pcd", {})
     encoding = about.get("encoding", "binary")
-    with np.errstate(over="ignore"):
-        single = cloud.points.astype(np.float32)
-    points = single if about.get("coordinates") == "f4" and (single == cloud.points).all() else cloud.points
-    fields = dict(zip("xyz", points.T, strict=True))
-    fields |= _packed(_named(cloud.columns), about.get("packed", ["", "f4"]))
+    fields = dict(zip("xyz", coordinates(cloud, prefer_single=True).T, strict=True))
+    flat_columns = spread(cloud.columns, rest=False)
+    fields |= _packed(_named(flat_columns if about else in_bytes(flat_columns)), about.get("packed", ["", "f4"]))
     fields = {name: _storable(name, column) for name, column in fields.items()}
     meta = pypcd4.MetaData.model_validate(
         {
@@ -163,7 +153,7 @@ def write(cloud: Cloud) -> bytes:
             "count": [column.shape[1] if column.ndim == 2 else 1 for column in fields.values()],
             "width": len(cloud),
             "points": len(cloud),
-            "viewpoint": about.get("viewpoint", (0, 0, 0, 1, 0, 0, 0)),
+            "viewpoint": about.get("viewpoint", VIEWPOINT),
         }
     )
     flat = [part for column in fields.values() for part in (column.T if column.ndim == 2 else [column])]
@@ -182,7 +172,7 @@ def write(cloud: Cloud) -> bytes:
 def _named(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Rename columns to names that a header can hold. A field `_` would be padding."""
     named: dict[str, np.ndarray] = {}
-    for name, column in spread(columns, rest=False).items():
+    for name, column in columns.items():
         word = re.sub(r"[^\w.-]", "_", name)
         named[unused(word if word.strip("_") else "column", [*named, "x", "y", "z"])] = column
     return named

@@ -1,12 +1,13 @@
 """Writer of PLY files: vertices with all columns of a cloud."""
 
 import numpy as np
-from jaxtyping import Float64
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import one_word_names, spread
+from pcsr.clouds.formats.colours import in_bytes
 from pcsr.clouds.formats.digits import words
-from pcsr.clouds.formats.ply import ORDERS, TYPES
+from pcsr.clouds.formats.ply_header import ORDERS, TYPES
+from pcsr.clouds.formats.precision import coordinates
 from pcsr.errors import UserError
 
 NAMES = {code: name for name, code in TYPES.items()}
@@ -17,16 +18,17 @@ def write(cloud: Cloud) -> bytes:
     """Write a cloud as PLY, in the encoding that it was read in, or binary.
 
     Coordinates are written in single precision if they were read so and need no more, otherwise in double precision.
-    Columns keep their types. Types that PLY lacks are replaced by the smallest PLY type that represents all values,
-    such as 32-bit for 64-bit integers.
+    Columns keep their types, but colours of other formats are written in 8 bits. Types that PLY lacks are replaced by
+    the smallest PLY type that represents all values, such as 32-bit for 64-bit integers.
 
     Raises:
         UserError: no PLY type represents the integers of a column.
     """
     about = cloud.about.get("ply", {})
     encoding = about.get("encoding", "binary_little_endian")
-    columns: dict[str, np.ndarray] = dict(zip("xyz", _coordinates(cloud.points, about).T, strict=True))
-    for name, column in one_word_names(spread(cloud.columns, rest=False)).items():
+    columns: dict[str, np.ndarray] = dict(zip("xyz", coordinates(cloud).T, strict=True))
+    flat = spread(cloud.columns, rest=False)
+    for name, column in one_word_names(flat if about else in_bytes(flat)).items():
         columns[name] = column.astype(smallest(column, name), copy=False)
     lines = ["ply", f"format {encoding} 1.0", *about.get("comments", ()), f"element vertex {len(cloud)}"]
     parts: list[tuple[str, str, tuple[int, ...]]] = []
@@ -44,18 +46,12 @@ def write(cloud: Cloud) -> bytes:
         values.append(column)
     header = "".join(line + "\n" for line in [*lines, "end_header"]).encode("utf-8", "surrogateescape")
     if encoding == "ascii":
-        flat = [each for value in values for each in (value.T if value.ndim == 2 else [value])]
-        return header + "".join(" ".join(row) + "\n" for row in zip(*map(words, flat), strict=True)).encode()
+        numbers = [each for value in values for each in (value.T if value.ndim == 2 else [value])]
+        return header + "".join(" ".join(row) + "\n" for row in zip(*map(words, numbers), strict=True)).encode()
     rows = np.zeros(len(cloud), parts)
     for (name, _, _), value in zip(parts, values, strict=True):
         rows[name] = value
     return header + rows.tobytes()
-
-
-def _coordinates(points: Float64[np.ndarray, "n 3"], about: dict[str, str]) -> np.ndarray:
-    with np.errstate(over="ignore"):
-        single = points.astype(np.float32)
-    return single if about.get("coordinates") == "float" and (single == points).all() else points
 
 
 def smallest(column: np.ndarray, name: str) -> np.dtype:

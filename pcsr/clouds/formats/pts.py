@@ -6,6 +6,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import COLOURS, spread
+from pcsr.clouds.formats.colours import in_bytes
 from pcsr.clouds.formats.digits import words
 from pcsr.clouds.formats.text import read_as
 from pcsr.errors import UserError
@@ -37,7 +38,8 @@ def write_pts(cloud: Cloud) -> bytes:
         UserError: the cloud has columns that the format cannot hold.
     """
     columns = spread(cloud.columns, rest=True)
-    colours = [columns.pop(name) for name in COLOURS[:3] if name in columns]
+    given = {name: np.nan_to_num(columns.pop(name), nan=0) for name in COLOURS[:3] if name in columns}
+    colours = in_bytes(given).values()
     columns.pop("alpha", None)
     intensity = [columns.pop(name) for name in list(columns) if name.lower() == "intensity"]
     if columns or len(colours) not in (0, 3) or len(intensity) > 1:
@@ -45,13 +47,7 @@ def write_pts(cloud: Cloud) -> bytes:
             f"a .pts holds points, an intensity and complete colours, not the columns "
             f"{', '.join(columns) or 'of this cloud'}: write a .ply"
         )
-    table = [*cloud.points.T, *intensity, *map(_in_bytes, colours)]
+    if any(colour.dtype != np.uint8 for colour in colours):
+        raise UserError("a .pts holds colours from 0 to 255, and those of this cloud have another range: write a .ply")
+    table = [*cloud.points.T, *intensity, *colours]
     return (f"{len(cloud)}\n" + "".join(" ".join(row) + "\n" for row in zip(*map(words, table), strict=True))).encode()
-
-
-def _in_bytes(colour: np.ndarray) -> np.ndarray:
-    if colour.dtype == np.uint8:
-        return colour
-    share = colour / np.iinfo(colour.dtype).max if colour.dtype in (np.uint16, np.uint32) else colour.astype(np.float64)
-    highest = np.nanmax(share, initial=0)
-    return np.rint(np.clip(np.nan_to_num(share) * (255 if highest <= 1 else 1), 0, 255)).astype(np.uint8)

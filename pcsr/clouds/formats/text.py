@@ -56,16 +56,6 @@ def read_as(
     return _read(data, columns, all_columns, default=default)
 
 
-def xyz_points(data: bytes) -> np.ndarray:
-    """Read the coordinates as `read_xyz` does; other columns need not be numbers."""
-    return read_xyz(data, all_columns=False).points
-
-
-def csv_points(data: bytes) -> np.ndarray:
-    """Read the coordinates as `read_csv` does; other columns need not be numbers."""
-    return read_csv(data, all_columns=False).points
-
-
 def _read(
     data: bytes,
     columns: str | Sequence[str] | None,

@@ -1,6 +1,5 @@
 """Helpers of the layouts with pickled arrays: numbers are checked, files sorted, fingers joined to grasps."""
 
-import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -62,7 +61,9 @@ def numbers(value: Any, shape: tuple[int | None, ...], name: str, *, finite: boo
     try:
         array = np.asarray(value)
     except (ValueError, OverflowError, TypeError) as error:  # lists of unequal length, or items that are not numbers
-        raise UserError(f"{name} holds no array of numbers: {textwrap.shorten(str(error), 100)}") from error
+        raise UserError(
+            f"{name} holds no array of numbers: its lists differ in length, or hold other things"
+        ) from error
     if array.dtype.kind not in "biuf":
         raise UserError(f"{name} holds {array.dtype}, not numbers")
     if array.size == 0 and shape[0] is None:

@@ -15,6 +15,10 @@ ENCODINGS = ("latin1", "latin-1", "iso-8859-1")
 """Names of the encoding in which old pickles write bytes."""
 
 
+class NotPlainError(ValueError):
+    """Error for a pickle that holds anything but plain data. The message says what it holds."""
+
+
 class Inert:
     """Empty placeholder for an object of a class that the caller declared harmless."""
 
@@ -43,10 +47,10 @@ class StandIn:
         """Record a call.
 
         Raises:
-            ValueError: the call has keyword arguments, which no allowed class or function takes.
+            NotPlainError: the call has keyword arguments, which no allowed class or function takes.
         """
         if kwargs and not cls.inert:
-            raise ValueError(f"it calls {cls.name} with keyword arguments")
+            raise NotPlainError(f"it calls {cls.name} with keyword arguments")
         self = object.__new__(cls)
         self.args, self.state, self.entries = args, None, []
         return self
@@ -76,14 +80,14 @@ class Builder:
         """Build the data of a node of the pickle.
 
         Raises:
-            ValueError: the node is not plain data.
+            NotPlainError: the node is not plain data.
         """
         if node is None or isinstance(node, bool | int | float | complex | str | bytes | bytearray):
             return node
         if id(node) in self.built:
             return self.built[id(node)]
         if id(node) in self.in_progress:
-            raise ValueError("a container holds itself")
+            raise NotPlainError("a container holds itself")
         self.in_progress.add(id(node))
         self.built[id(node)] = data = self._make(node)
         self.in_progress.discard(id(node))
@@ -96,14 +100,14 @@ class Builder:
             return type(node)(self.build(one) for one in node)
         named = node if isinstance(node, type) else type(node)
         if not issubclass(named, StandIn):
-            raise ValueError(f"it holds a {named.__name__}")
+            raise NotPlainError(f"it holds a {named.__name__}")
         if named.inert:
             return Inert(named.name)
         maker = MAKERS[named.name]
         if isinstance(node, type) or maker is None:
-            raise ValueError(f"it holds {named.name} itself, not data")
+            raise NotPlainError(f"it holds {named.name} itself, not data")
         if node.entries and named.name != "collections.OrderedDict":
-            raise ValueError(f"it adds items to {named.name}, which is no container")
+            raise NotPlainError(f"it adds items to {named.name}, which is no container")
         return maker(self, node)
 
 
@@ -111,7 +115,7 @@ def _encoded(builder: Builder, call: StandIn) -> bytes:
     """Build bytes from their form in pickle protocols before 3: text, encoded as latin1."""
     text, *rest = builder.build(call.args)
     if not isinstance(text, str) or not rest or rest[0] not in ENCODINGS:
-        raise ValueError(f"text in another encoding than latin1: {short(rest)}")
+        raise NotPlainError(f"text in another encoding than latin1: {short(rest)}")
     return text.encode("latin1")
 
 
@@ -119,7 +123,7 @@ def _container(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
     def make(builder: Builder, call: StandIn) -> Any:
         args = builder.build(call.args)
         if len(args) > 1 or not all(isinstance(one, list | tuple | dict | set | frozenset) for one in args):
-            raise ValueError(f"it calls {call.name} with an argument that is no container")
+            raise NotPlainError(f"it calls {call.name} with an argument that is no container")
         container = kind(*args)
         for key, value in call.entries:
             container[builder.build(key)] = builder.build(value)
@@ -134,7 +138,7 @@ def _plain(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
         # `bytes` of an integer would allocate that many, and `str` of a container may be of any length.
         allowed = (str, bytes) if kind in (bytes, bytearray) else (int, float, str, bytes)
         if not all(isinstance(one, allowed) for one in args):
-            raise ValueError(f"it calls {call.name} with an argument that is no plain value")
+            raise NotPlainError(f"it calls {call.name} with an argument that is no plain value")
         return kind(*args)
 
     return make
@@ -143,18 +147,18 @@ def _plain(kind: Callable[..., Any]) -> Callable[[Builder, StandIn], Any]:
 def _dtype(call: Any) -> np.dtype[Any]:
     """Build a dtype from its name and byte order; anything else in its state is refused."""
     if not isinstance(call, StandIn) or call.name != "numpy.dtype" or not call.args:
-        raise ValueError("an array without a dtype")
+        raise NotPlainError("an array without a dtype")
     name, state = call.args[0], call.state
     if not isinstance(name, str) or not DTYPE.fullmatch(name):
-        raise ValueError(f"an array of dtype {short(name)}")
+        raise NotPlainError(f"an array of dtype {short(name)}")
     dtype = np.dtype(name)
     if state is not None:
         known = isinstance(state, tuple) and len(state) >= 8 and state[0] in (3, 4) and state[1] in ("<", ">", "|", "=")
         if not known or any(part is not None for part in state[2:5]):
-            raise ValueError(f"a dtype {short(name)} of an unknown form")
+            raise NotPlainError(f"a dtype {short(name)} of an unknown form")
         dtype = dtype.newbyteorder(state[1])
     if dtype.itemsize == 0:
-        raise ValueError(f"an array of dtype {short(name)}, whose items have no size")
+        raise NotPlainError(f"an array of dtype {short(name)}, whose items have no size")
     return dtype
 
 
@@ -168,14 +172,14 @@ def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndar
         order: "C" or "F".
 
     Raises:
-        ValueError: the shape is invalid, or the data does not have exactly the array's size.
+        NotPlainError: the shape is invalid, or the data does not have exactly the array's size.
     """
     if not isinstance(shape, tuple) or not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ValueError(f"an array of shape {short(shape)}")
+        raise NotPlainError(f"an array of shape {short(shape)}")
     count = math.prod(shape)
     if dtype.kind == "O":
         if not isinstance(data, list) or len(data) != count:
-            raise ValueError(f"an array of shape {shape} without its {count} objects")
+            raise NotPlainError(f"an array of shape {shape} without its {count} objects")
         objects = np.full(count, None, object)
         for index, one in enumerate(data):
             objects[index] = one
@@ -183,23 +187,25 @@ def array_of(dtype: np.dtype[Any], shape: Any, data: Any, order: Any) -> np.ndar
     if isinstance(data, str):  # a pickle of Python 2
         data = data.encode("latin1")
     if not isinstance(data, bytes | bytearray) or len(data) != count * dtype.itemsize:
-        raise ValueError(f"an array of shape {shape} and dtype {dtype.str} without its {count * dtype.itemsize} bytes")
+        raise NotPlainError(
+            f"an array of shape {shape} and dtype {dtype.str} without its {count * dtype.itemsize} bytes"
+        )
     if count == 0:
         return np.zeros(shape, dtype)
     if dtype.kind == "b":
         return np.not_equal(np.frombuffer(data, np.uint8), 0).reshape(shape, order=order)
     flat = np.frombuffer(data, dtype).copy()
     if dtype.kind == "U" and flat.view(np.dtype("u4").newbyteorder(dtype.byteorder)).max() > 0x10FFFF:
-        raise ValueError("an array of text with invalid characters")
+        raise NotPlainError("an array of text with invalid characters")
     return flat.reshape(shape, order=order)
 
 
 def _reconstructed(builder: Builder, call: StandIn) -> np.ndarray:
     of = call.args[0] if call.args else None
     if not (isinstance(of, type) and issubclass(of, StandIn) and of.name == "numpy.ndarray"):
-        raise ValueError("an array of an unknown class")
+        raise NotPlainError("an array of an unknown class")
     if not isinstance(call.state, tuple) or len(call.state) not in (4, 5):
-        raise ValueError("an array without data")
+        raise NotPlainError("an array without data")
     shape, dtype, fortran, data = call.state[-4:]
     return array_of(_dtype(dtype), builder.build(shape), builder.build(data), "F" if fortran else "C")
 
@@ -207,7 +213,7 @@ def _reconstructed(builder: Builder, call: StandIn) -> np.ndarray:
 def _from_buffer(builder: Builder, call: StandIn) -> np.ndarray:
     data, dtype, shape, order, *axes = call.args
     if order not in ("C", "F", "K"):
-        raise ValueError(f"an array in order {short(order)}")
+        raise NotPlainError(f"an array in order {short(order)}")
     array = array_of(_dtype(dtype), builder.build(shape), builder.build(data), "F" if order == "F" else "C")
     if order == "K" and axes and axes[0] is not None:
         array = array.transpose(builder.build(axes[0]))
@@ -217,7 +223,7 @@ def _from_buffer(builder: Builder, call: StandIn) -> np.ndarray:
 def _scalar(builder: Builder, call: StandIn) -> Any:
     dtype, data = call.args
     if _dtype(dtype).kind == "O":
-        raise ValueError("a number that is an object")
+        raise NotPlainError("a number that is an object")
     return array_of(_dtype(dtype), (), builder.build(data), "C")[()]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from pcsr.clouds.npy import read_header
 from pcsr.errors import UserError
 from pcsr.inputs import read_bytes
-from pcsr.recorded.pickles.rebuild import MAKERS, Builder, Inert, StandIn, array_of
+from pcsr.recorded.pickles.rebuild import MAKERS, Builder, Inert, NotPlainError, StandIn, array_of
 
 __all__ = ["Inert", "load_numpy", "load_pickle"]
 
@@ -40,7 +40,7 @@ class _Counted(dict[int, Callable[..., None]]):
     def __getitem__(self, code: int) -> Callable[..., None]:
         self.left -= 1
         if self.left < 0:
-            raise ValueError(f"it has more than {MOST_STEPS} steps, which no data file needs")
+            raise NotPlainError(f"it has more than {MOST_STEPS} steps, which no data file needs")
         return super().__getitem__(code)
 
 
@@ -71,6 +71,9 @@ class _Reader(pickle._Unpickler):
         if full not in self.names:
             self.names[full] = type("_Named", (StandIn,), {"name": full, "inert": inert})
         return self.names[full]
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise NotPlainError("it refers to a persistent object, which is not in the file")
 
     def check_tuple(self, value: Any) -> None:
         """Check that a tuple is neither too deep nor too large to be hashed.
@@ -108,11 +111,23 @@ def _unpickled(data: bytes, path: Path, inert: Collection[str]) -> Any:
     except UserError:
         raise
     except Exception as error:  # a malformed pickle may raise any error, MemoryError and RecursionError included
-        reason = "it ends too early" if isinstance(error, EOFError) else str(error) or type(error).__name__
-        reason = "it is nested too deeply" if isinstance(error, RecursionError) else textwrap.shorten(reason, 200)
         raise UserError(
-            f"{path} cannot be read as a pickle of plain data: {reason}; get the file again, or as plain arrays"
+            f"{path} cannot be read as a pickle of plain data: {_fault(data, error)}; get the file again, or as plain "
+            f"arrays"
         ) from error
+
+
+def _fault(data: bytes, error: Exception) -> str:
+    """Return what is wrong with a pickle that raised an error."""
+    if isinstance(error, NotPlainError):
+        return textwrap.shorten(str(error), 200)
+    if isinstance(error, EOFError):
+        return "it ends too early"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if data[:1] == pickle.PROTO and data[1:2] > bytes([pickle.HIGHEST_PROTOCOL]):
+        return f"its protocol is {data[1]}, and those up to {pickle.HIGHEST_PROTOCOL} are known"
+    return "it is damaged, or no pickle"
 
 
 def load_pickle(path: Path, inert: Collection[str] = ()) -> Any:
@@ -149,8 +164,10 @@ def load_numpy(path: Path, inert: Collection[str] = ()) -> Any:
     if not dtype.hasobject and dtype.kind in "biufcSU" and dtype.itemsize > 0:
         try:
             return array_of(dtype, shape, file.read(), "F" if fortran else "C")
-        except (ValueError, MemoryError) as error:
+        except NotPlainError as error:
             raise UserError(f"{path} is cut off or damaged: it holds {error}; get the file again") from error
+        except MemoryError as error:
+            raise UserError(f"{path} cannot be read: it needs more memory than is free") from error
     if dtype != np.dtype(object):
         raise UserError(f"{path} holds items of dtype {dtype}: only arrays of numbers, text or objects are read")
     data = file.read(LARGEST_PICKLE + 1)

@@ -168,7 +168,8 @@ def test_clouds_that_are_measured_are_used_and_their_faults_are_said():
 @pytest.mark.parametrize("factor", [1000.0, 25.4, 1 / 3.28])
 def test_clouds_in_different_units_are_told(factor):
     larger, ratio = ("prediction", factor) if factor > 1 else ("truth", 1 / factor)
-    with pytest.warns(PcsrWarning, match=rf"the {larger} is {ratio:.4g} times as large as the .*--frame each"):
+    shown = "1,000" if ratio > 999 else f"{ratio:.3g}"
+    with pytest.warns(PcsrWarning, match=rf"the {larger} is {shown} times as large as the .*--frame each"):
         evaluate(HEALTHY * factor, HEALTHY)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

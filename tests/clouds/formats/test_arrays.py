@@ -4,7 +4,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
 
@@ -68,7 +68,8 @@ def test_every_array_with_a_row_for_each_point_is_a_column(tmp_path):
         x=np.zeros(2),
         c3=np.zeros(2),
     )
-    cloud = read_cloud(tmp_path / "a.npz")
+    with pytest.warns(PcsrWarning, match="a.npz: its camera, names, scale, stack, x were left out"):
+        cloud = read_cloud(tmp_path / "a.npz")
     assert cloud.points.tolist() == POINTS.tolist()
     assert list(cloud.columns) == ["c3_2", "label", "colors", "c3"]
     assert cloud.columns["c3_2"].tolist() == [1, 2]

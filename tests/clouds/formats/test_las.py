@@ -4,7 +4,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes, writable
 
@@ -190,3 +190,74 @@ def test_laz_holds_the_same_or_names_the_remedy(laspy, tmp_path):
         for use in (lambda: writable(tmp_path / "a.laz"), lambda: cloud_bytes(Cloud(POINTS), ".laz")):
             with pytest.raises(UserError, match=r"pip install 'pcsr\[las\]'"):
                 use()
+
+
+def copc(laspy):
+    """A LAZ with the records of a COPC, as far as a reader of LAZ sees them."""
+    cloud = read(scan(laspy))
+    header = cloud.about["las"]["header"]
+    header.vlrs.insert(0, laspy.VLR("copc", 1, "copc info", bytes(160)))
+    header.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("copc", 1000, "copc hierarchy", bytes(64))])
+    header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "wkt", b"LOCAL_CS[]"))
+    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header))
+    las.x, las.y, las.z = cloud.points.T
+    file = BytesIO()
+    las.write(file, do_compress=True)
+    return file.getvalue()
+
+
+def test_a_copc_is_read_and_written_as_plain_laz(laspy, tmp_path):
+    with pytest.warns(PcsrWarning, match=r"it is a COPC: the octree in 2 of its records was left out"):
+        cloud = read_cloud_bytes(copc(laspy), ".laz", "it")
+    writable(tmp_path / "out.laz", cloud)
+    out = cloud_bytes(cloud, ".laz")
+    header = laspy.read(BytesIO(out)).header
+    assert b"copc" not in out
+    assert "LASF_Projection" in {record.user_id for record in header.vlrs}
+    np.testing.assert_allclose(read_cloud_bytes(out, ".laz", "it").points, POINTS, atol=0.001)
+    with pytest.raises(UserError, match=r"COPC cannot be written: name a plain LAZ file, out\.laz"):
+        writable(tmp_path / "out.copc.laz")
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-30, 1e-200, 1, 1e9])
+def test_small_clouds_keep_their_shape(laspy, size):
+    points = np.random.default_rng(0).random((20, 3)) * size
+    for shift in (0, 0.3 if size == 1e-9 else 0):
+        moved = points + shift
+        again = read(cloud_bytes(Cloud(moved), ".las")).points
+        np.testing.assert_allclose(again - shift, moved - shift, rtol=0, atol=1e-8 * np.ptp(moved, axis=0).max())
+
+
+def test_a_cloud_that_is_too_small_is_refused(laspy):
+    with pytest.raises(UserError, match=r"the cloud is only 9.9\d*e-301 across, too small for the scales of LAS"):
+        cloud_bytes(Cloud(np.random.default_rng(0).random((20, 3)) * 1e-300), ".las")
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-300, np.nan, np.inf])
+def test_scales_that_give_no_coordinates_are_refused(laspy, scale):
+    data = bytearray(scan(laspy))
+    data[139:147] = np.float64(scale).tobytes()
+    with pytest.raises(UserError, match=r"its header has the scales .* by which no coordinates can be computed"):
+        read(bytes(data))
+
+
+def test_whether_the_columns_fit_is_known_before_the_work(laspy, tmp_path):
+    for suffix, name, kind, reason in (
+        (".las", "n" * 40, "f4", "longer than the 32 bytes"),
+        (".ply", "id", "i8", "no integers as large"),
+        (".npy", "id", "i8", "can't hold the large integers"),
+        (".obj", "label", "f4", "not the columns label"),
+        (".npz", "points", "f4", "rename the column"),
+    ):
+        cloud = Cloud(POINTS, {name: np.full(3, 2**60 + 1 if kind == "i8" else 1).astype(kind)})
+        with pytest.raises(UserError, match=rf"out\{suffix}: .*{reason}"):
+            writable(tmp_path / f"out{suffix}", cloud)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("length", [227, 240, 300, 374])
+def test_a_header_that_is_cut_off_is_refused(length):
+    data = cloud_bytes(Cloud(np.random.default_rng(0).normal(size=(9, 3))), ".las")
+    assert int.from_bytes(data[94:96], "little") == 375
+    with pytest.raises(UserError, match="it is cut off in its header"):
+        read_cloud_bytes(data[:length], ".las", "it")

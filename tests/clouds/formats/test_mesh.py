@@ -1,8 +1,10 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import trimesh
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
 from pcsr.clouds.meshes import read_mesh
@@ -183,6 +185,40 @@ def test_triangles_are_read_as_one_mesh(tmp_path):
     assert read_mesh(tmp_path / "two.glb").volume == pytest.approx(12)
     (tmp_path / "cloud.obj").write_text("v 1 2 3\n")
     (tmp_path / "noise.ply").write_text("ply noise")
-    for name, reason in (("cloud.obj", "has no faces|cannot be read"), ("noise.ply", "cannot"), ("no.ply", "cannot")):
-        with pytest.raises(UserError, match=rf"{name} ({reason})"):
+    for name, reason in (
+        ("cloud.obj", "has no faces|cannot be read"),
+        ("noise.ply", ": it cannot"),
+        ("no.ply", "cannot"),
+    ):
+        with pytest.raises(UserError, match=rf"{name} ?({reason})"):
             read_mesh(tmp_path / name)
+
+
+RGB = {"red": [0, 0], "green": [0.5, 0.5], "blue": [1, 1]}
+BLACK = "1 of 2 vertices have no colour and became black"
+
+
+@pytest.mark.parametrize(
+    ("text", "colours", "note"),
+    [
+        ("v 1 2 3 0 0.5 1\nv 4 5 6\n", RGB | {"green": [0.5, 0], "blue": [1, 0]}, BLACK),
+        ("v 1 2 3 1.0\nv 4 5 6 0 0.5 1 1\n", RGB | {"green": [0, 0.5], "blue": [0, 1], "alpha": [0, 1]}, BLACK),
+        ("v 1 2 3 0 0.5 1\nv 4 5 6 0 0.5 1 1\n", RGB, ""),
+        ("v 1 2 3 0 0.5 1 0\nv 4 5 6 0 0.5 1 1\n", RGB | {"alpha": [0, 1]}, ""),
+        ("v 1 2 3 1.0\nv 4 5 6\n", {}, ""),
+        ("v 1 2 \\\n3\nv 4 5 6\n", {}, ""),
+    ],
+)
+def test_vertices_with_and_without_colours(text, colours, note):
+    with pytest.warns(PcsrWarning, match=note) if note else nullcontext():
+        cloud = read(text, ".obj")
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == colours
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "i8"])
+def test_integer_colours_of_any_size_are_shares_in_an_obj(kind):
+    most = {"u1": 255, "u2": 65535, "i8": 65535}[kind]
+    colours = {name: np.array([0, most], kind) for name in ("red", "green", "blue")}
+    data = cloud_bytes(Cloud(np.eye(3)[:2], colours), ".obj").decode()
+    assert data == "v 1.0 0.0 0.0 0.0 0.0 0.0\nv 0.0 1.0 0.0 1.0 1.0 1.0\n"

@@ -1,8 +1,11 @@
+import warnings
+from io import BytesIO
+
 import numpy as np
 import pytest
 from pypcd4 import Encoding, PointCloud
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
 
@@ -62,7 +65,7 @@ def test_colours_that_were_apart_stay_apart():
     free = Cloud(read(data).points, read(data).columns)
     assert b"FIELDS x y z rgb\n" in cloud_bytes(free, ".pcd")
     wide = Cloud(free.points, {name: column.astype("u2") for name, column in free.columns.items()})
-    assert b"FIELDS x y z red green blue\n" in cloud_bytes(wide, ".pcd")
+    assert b"FIELDS x y z rgb\n" in cloud_bytes(wide, ".pcd")
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -114,9 +117,115 @@ def test_names_and_types_that_pcd_lacks_take_others():
 def test_what_is_missing_is_said():
     with pytest.raises(UserError, match="it has no field z, only x, y"):
         read(pcd("x y", "4 4", "F F", "1 1", ["1 2"]))
-    with pytest.raises(UserError, match=r"it cannot be read as a \.pcd file"):
+    with pytest.raises(UserError, match="its field x is there twice: its FIELDS are x y z x"):
         read(pcd("x y z x", "4 4 4 4", "F F F F", "1 1 1 1", ["1 2 3 4"]))
     with pytest.raises(UserError, match="its COUNT is 1 1 999999999: 10000 numbers for each point are the most"):
         read(pcd("x y z", "4 4 4", "F F F", "1 1 999999999", ["1 2 3"]))
     with pytest.raises(UserError, match="cut off: 1 of its 2"):
         read(pcd("x y z", "4 4 4", "F F F", "1 1 1", ["1 2 3", ""]))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "# .PCD v.5\nVERSION .5\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n",
+        "VERSION .6\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n",
+        "COLUMNS x y z\nPOINTS 2\nDATA ascii\n",
+        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE f f f\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ASCII\n",
+        "VERSION 0.8\r\nFIELDS X Y Z\r\nSIZE 4 4 4\r\nTYPE F F F\r\nWIDTH 2\r\nHEIGHT 1\r\nDATA ascii\r\n",
+        "version .7\nfields x y z\nsize 4 4 4\ntype F F F\nwidth 1\nheight 2\npoints 2\ndata ascii\n",
+    ],
+)
+def test_headers_of_every_age_are_read(head):
+    for body in ("0.5 1 2\n3 4.25 5\n", " 0.5\t1  2 \r\n3 4.25 5"):
+        cloud = read((head + body).encode())
+        assert cloud.points.tolist() == POINTS.tolist()
+        assert cloud.columns == {}
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_fields_without_numbers_and_fields_of_one_name_are_said(data):
+    rows = ["0.5 1 2 7 8", "3 4.25 5 9 10"]
+    whole = pcd("x none y z w w", "4 4 4 4 4 4", "F F F F F F", "1 0 1 1 1 1", rows)
+    if data != "ascii":
+        plain = pcd("x y z w v", "4 4 4 4 4", "F F F F F", "1 1 1 1 1", rows)
+        about = {"pcd": {"encoding": data, "coordinates": "f4"}}
+        whole = cloud_bytes(Cloud(POINTS, read(plain).columns, about), ".pcd")
+        whole = whole.replace(b"x y z w v", b"x none y z w w").replace(b"SIZE 4 4 4 4 4", b"SIZE 4 4 4 4 4 4")
+        whole = whole.replace(b"F F F F F", b"F F F F F F").replace(b"COUNT 1 1 1 1 1", b"COUNT 1 0 1 1 1 1")
+    with pytest.warns(PcsrWarning) as said:
+        cloud = read(whole)
+    assert [str(one.message) for one in said] == [
+        "it: its field 'none' has no numbers (COUNT 0) and was left out",
+        "it: two of its fields are called 'w': the second is read as 'w_2'",
+    ]
+    assert cloud.points.tolist() == POINTS.tolist()
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == {"w": [7, 9], "w_2": [8, 10]}
+
+
+def test_a_width_that_contradicts_the_points_is_said_or_refused():
+    rows = ["0.5 1 2", "3 4.25 5"]
+    whole = pcd("x y z", "4 4 4", "F F F", "1 1 1", rows)
+    with pytest.warns(PcsrWarning, match="its POINTS are 2 and its WIDTH × HEIGHT is 9: 2 are read, as its data have"):
+        assert len(read(whole.replace(b"WIDTH 2", b"WIDTH 9"))) == 2
+    with pytest.warns(PcsrWarning, match="its POINTS are 1 and its WIDTH × HEIGHT is 2: 2 are read"):
+        assert len(read(whole.replace(b"POINTS 2", b"POINTS 1"))) == 2
+    with pytest.raises(UserError, match="its POINTS are 3, its WIDTH × HEIGHT is 5, and its data have 2 points"):
+        read(whole.replace(b"POINTS 2", b"POINTS 3").replace(b"WIDTH 2", b"WIDTH 5"))
+    with pytest.warns(PcsrWarning, match="its data have 3 points and its header claims 2: the rest was left out"):
+        assert len(read(whole + b"7 8 9\n")) == 2
+
+
+def test_an_organised_cloud_with_nan_is_read_without_them():
+    rows = ["0.5 1 2", "nan nan nan", "-nan(ind) 1.#QNAN 0", "3 4.25 5"]
+    whole = pcd("x y z", "4 4 4", "F F F", "1 1 1", rows).replace(b"WIDTH 4\nHEIGHT 1", b"WIDTH 2\nHEIGHT 2")
+    with pytest.raises(UserError, match="2 of 4 points have a coordinate that is not finite"):
+        read(whole)
+    cloud = read_cloud_bytes(whole, ".pcd", "it", bad="drop")
+    assert cloud.points.tolist() == POINTS.tolist()
+    assert b"WIDTH 2\nHEIGHT 1\n" in cloud_bytes(cloud, ".pcd")
+
+
+@pytest.mark.parametrize(("kind", "size"), [("f4", b"SIZE 4 4 4\n"), ("f8", b"SIZE 8 8 8\n")])
+def test_arrays_are_written_in_their_precision(kind, size):
+    points = np.random.default_rng(0).normal(size=(20, 3)).astype(kind)
+    array, archive = BytesIO(), BytesIO()
+    np.save(array, points)
+    np.savez(archive, points=points)
+    for file, suffix in ((array, ".npy"), (archive, ".npz")):
+        written = cloud_bytes(read_cloud_bytes(file.getvalue(), suffix, "it"), ".pcd")
+        assert size in written
+        np.testing.assert_array_equal(read_cloud_bytes(written, ".pcd", "it").points, points)
+
+
+def test_what_was_single_is_written_as_single():
+    """Decimal numbers of a PLY that declares them as single, but not metres in millions."""
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    for rows, size in (("0.1 0.2 0.3\n1 2 3.3\n", 4), ("4512345.678 0 0\n4512346.1 1 1\n", 8)):
+        cloud = read_cloud_bytes((head + rows).encode(), ".ply", "it")
+        data = cloud_bytes(cloud, ".pcd")
+        assert f"SIZE {size} {size} {size}\n".encode() in data
+        np.testing.assert_allclose(read(data).points, cloud.points, rtol=1e-7 if size == 4 else 0)
+    for about in ({"npy": {"coordinates": "f4"}}, {"kitti": {"coordinates": "f4"}}):
+        assert b"SIZE 4 4 4\n" in cloud_bytes(Cloud(POINTS, {}, about), ".pcd")
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_messages_are_never_those_of_pydantic_numpy_or_lzf(encoding):
+    whole = cloud_bytes(Cloud(np.tile(POINTS, (40, 1)), {}, {"pcd": {"encoding": encoding}}), ".pcd")
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for at in rng.integers(0, len(whole), 3):
+            damaged[at] = rng.integers(256)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PcsrWarning)
+                read(bytes(damaged))
+        except UserError as error:
+            message = str(error).lower()
+        else:
+            continue
+        assert not any(
+            word in message for word in ("pydantic", "validation", "dtype", "could not", "lzf", "invalid lit")
+        )

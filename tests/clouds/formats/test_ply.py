@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pcsr import UserError
+from pcsr import PcsrWarning, UserError
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
 
 FULL = (
@@ -138,29 +138,29 @@ def header(*lines, count=1):
         (header(), "its header has no end"),
         (header("property half w", "end_header", "1 2 3 4"), "the type 'half': char, uchar"),
         (header("rubbish here", "end_header", "1 2 3"), "its header has the line 'rubbish here'"),
-        (header("property float x", "end_header", "1 2 3 4"), "two properties of its vertices have the same name"),
+        (header("property float x", "end_header", "1 2 3 4"), "are the coordinate x: x, y, z, x: rename one of them"),
         (header("end_header", "1 2"), "have 2 numbers each, at least 3 are needed"),
         (header("end_header", "1 2 3 4"), "have 4 numbers each, 3 are needed"),
-        (
-            header("end_header", "1 2 three"),
-            "rows of numbers cannot be read: 'three' in row 1 is no number: it is damaged",
-        ),
+        (header("end_header", "1 2 three"), "'z' of point 0 is 'three', which is no number"),
         (header("property uchar red", "end_header", "1 2 3 256"), "'red' holds 256.0 at point 0, which is no uint8"),
         (header("property int id", "end_header", "1 2 3 nan"), "'id' holds nan at point 0, which is no int32"),
         (header("end_header", "1 2 3", count=10**15), "cut off: 1 of its 1000000000000000 points"),
         (header("end_header", "1 2 3", count=-1), "the line 'element vertex -1'"),
         (
-            header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9 9", count=2),
-            "has 6 numbers and the first has 5",
+            header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9 9 9", count=2),
+            "has 7 numbers and the first has 5",
         ),
-        (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9", count=2), "different lengths"),
+        (header("end_header", "1 2 3", "4 5 six", count=2), "'z' of point 1 is 'six', which is no number"),
+        (header("property list float int w", "end_header", "1 2 3 1 9"), "length is a 'float': lengths are integers"),
+        (header("end_header", "1 2 3").replace("float x", "list uchar float x"), "'x' is none of its vertices"),
+        (header("property list uchar int w", "end_header", "1 2 3 1 9", "1 2 3 2 9", count=2), "different lengths on"),
         (header("property list uchar int w", "end_header", "1 2 3 9 9"), "have 5 numbers each, at least 13"),
         (header("end_header", "1 2 3").replace("ascii", "binary"), "its format is 'binary': ascii, "),
         (header("end_header", "1 2 3").replace("vertex", "point"), "it has no vertices, only point"),
         ("ply\nformat ascii 1.0\nend_header\n", "it has no vertices, only an empty header"),
         (
             header("end_header", "1 2 3").replace("element", "element a 9\nproperty int b\nelement"),
-            "among its 9 of 'a'",
+            "row 0 of its 'a' has other numbers than the header says",
         ),
     ],
 )
@@ -177,6 +177,81 @@ def test_lists_that_cannot_be_are_refused(count):
     for length, reason in ((2**30, "a list of 1073741824 numbers"), (-1, "a list of -1"), (1, "cut off")):
         with pytest.raises(UserError, match=reason):
             read(lines.encode() + row + np.array([length], "i4").tobytes() + np.zeros(1, "f4").tobytes())
-    uneven = [row + np.array([k], "i4").tobytes() + np.zeros(2, "f4").tobytes() for k in (2, 1)]
-    with pytest.raises(UserError, match="lists 'w' of different lengths"):
-        read(lines.encode() + b"".join(uneven))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("before", [False, True])
+def test_lists_of_different_lengths_are_left_out(encoding, before):
+    """Against the file without the lists, with faces of three and four corners before the vertices or without."""
+    order = {"binary_big_endian": ">"}.get(encoding, "<")
+    rng = np.random.default_rng(0)
+    points, labels = rng.random((40, 3)).astype("f4"), rng.integers(0, 99, 40).astype("u2")
+    text, rows = [], []
+    if before:
+        text += ["3 0 1 2", "4 0 1 2 3"]
+        rows += [np.array([n], "u1").tobytes() + np.arange(n).astype(f"{order}i4").tobytes() for n in (3, 4)]
+    for number, (point, label) in enumerate(zip(points, labels, strict=True)):
+        seen = np.arange(number % 4)
+        text.append(" ".join(map(str, [*point, len(seen), *seen, label])))
+        rows += [point.astype(f"{order}f4").tobytes(), np.array([len(seen)], f"{order}u2").tobytes()]
+        rows += [seen.astype(f"{order}i4").tobytes(), np.array([label], f"{order}u2").tobytes()]
+    head = "element face 2\nproperty list uchar int vertex_indices\n" if before else ""
+    head = header("property list ushort int view", "property ushort label", "end_header", count=40).replace(
+        "element", f"{head}element", 1
+    )
+    data = head.replace("ascii", encoding).encode()
+    data += "\n".join(text).encode() if encoding == "ascii" else b"".join(rows)
+    with pytest.warns(
+        PcsrWarning, match="it: the lists 'view' of its 40 points have different lengths and were left out"
+    ):
+        cloud = read(data)
+    np.testing.assert_array_equal(cloud.points.astype("f4"), points)
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == {"label": labels.tolist()}
+    assert cloud.columns["label"].dtype == np.uint16
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "1 2 3 4 5 6",
+        "1\n2\n3\n4 5\n6\n",
+        "\t1  2\t3 \r\n\r\n4 5 6",
+        "1 2 3\r4 5 6\r",
+        "1 2 3 4\n5 6",
+        "+1 2. 3e0\n4 5 6\n\n",
+    ],
+)
+@pytest.mark.parametrize("before", ["", "9 9\n9\n", "9 9 9\n"])
+def test_numbers_in_text_have_any_spacing(body, before):
+    head = header("end_header", count=2)
+    if before:
+        head = head.replace("element", "element view 1\nproperty int a\nproperty int b\nproperty int c\nelement", 1)
+    assert read(head + before + body).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_headers_of_any_line_ends_and_names_in_capitals_are_read():
+    text = header("property uchar my label", "end_header", "1 2 3 4").replace("float x", "FLOAT X")
+    for end in ("\n", "\r\n", "\r"):
+        cloud = read(text.replace("\n", end))
+        assert cloud.points.tolist() == [[1, 2, 3]]
+        assert {name: column.tolist() for name, column in cloud.columns.items()} == {"my_label": [4]}
+
+
+def test_what_follows_the_points_is_counted():
+    with pytest.warns(PcsrWarning, match="it goes on for 1 lines after its 1 points: these were left out"):
+        assert len(read(header("end_header", "1 2 3", "4 5 6"))) == 1
+    binary = header("end_header").replace("ascii", "binary_little_endian").encode() + np.zeros(7, "f4").tobytes()
+    with pytest.warns(PcsrWarning, match="it goes on for 16 bytes after its 1 points"):
+        assert len(read(binary)) == 1
+
+
+def test_a_second_property_of_a_name_gets_another():
+    with pytest.warns(PcsrWarning, match="two properties of its vertices are called 'w': the second is read as 'w_2'"):
+        cloud = read(header("property int w", "property float w", "end_header", "1 2 3 4 5"))
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == {"w": [4], "w_2": [5]}
+
+
+def test_numbers_of_windows_that_are_not_finite_are_known():
+    rows = ["1 2 3 -nan(ind)", "4 5 6 1.#QNAN", "7 8 9 -1.#INF", "7 8 9 1.#INF00"]
+    column = read(header("property float w", "end_header", *rows, count=4)).columns["w"]
+    np.testing.assert_array_equal(column, [np.nan, np.nan, -np.inf, np.inf])

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
-from pcsr.clouds.formats.text import csv_points, read_xyz, xyz_points
+from pcsr.clouds.formats.text import read_csv, read_xyz
 
 
 def read(text, suffix=".xyz"):
@@ -116,8 +116,8 @@ def test_a_line_at_fault_is_named(suffix, text, reason):
 
 def test_points_alone_may_have_anything_beside_them():
     for text in ("1 2 3 cat\n4 5 6\n", "x y z name\n1 2 3 cat dog\n4 5 6\n"):
-        assert xyz_points(text.encode()).tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert csv_points(b"name,z,y,x\ncat,3,2,1\n,6,5,4,9\n").tolist() == [[1, 2, 3], [4, 5, 6]]
+        assert read_xyz(text.encode(), all_columns=False).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert read_csv(b"name,z,y,x\ncat,3,2,1\n,6,5,4,9\n", all_columns=False).points.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
 numbers = st.one_of(st.integers(-(2**60), 2**60).map(str), st.floats(allow_nan=False).map(repr))
