@@ -184,7 +184,7 @@ def test_a_network_that_fails_gives_the_threads_back(four, cloud):
     class Failing(Candidates):
         size, rate = 512, 16
 
-        def __call__(self, points, touches):
+        def __call__(self, points, touches, rate):
             assert torch.get_num_threads() == 1
             raise ZeroDivisionError
 

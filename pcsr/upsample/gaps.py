@@ -8,8 +8,13 @@ NEIGHBOURS = 6
 """Number of neighbours whose mean distance is the spacing at a point."""
 MAX_RATIO = 2.0
 """Upper limit of a point's spacing, as a multiple of the median of its neighbours'."""
-STRAY_RATIO = 2.0
-"""A point whose spacing is more than this multiple of the median of its neighbours' is a stray point."""
+AROUND = 32
+"""Number of nearest points, itself included, whose spacings tell whether a point is a stray point."""
+DEVIATIONS = 6.0
+"""A point is a stray point if the ratio of its spacing to the median around it exceeds 1 by so many median absolute
+deviations of this ratio: even clouds have few points with another spacing than those around, random ones many."""
+LEAST_RATIO, MOST_RATIO = 1.5, 2.0
+"""Limits of that ratio: up to the first no point is a stray point, beyond the second every point is."""
 REACH = 1.2
 """Candidates farther than `REACH` local spacings from the cloud are rejected."""
 DUPLICATE = 1e-6
@@ -18,24 +23,26 @@ DUPLICATE = 1e-6
 
 def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Compute the local spacing at each point: the mean distance to its neighbours, limited for stray points."""
-    own, around = _spacings(points)
+    own, around = _spacings(points, NEIGHBOURS + 1)
     limited: Float[np.ndarray, " n"] = np.minimum(own, MAX_RATIO * around)
     return limited
 
 
 def strays(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """Find the points that are far from their neighbours, compared with the distances among these."""
-    own, around = _spacings(points)
-    far: Bool[np.ndarray, " n"] = own > STRAY_RATIO * around
+    """Find the points that are far from their neighbours, compared with the distances among those around."""
+    own, around = _spacings(points, AROUND)
+    ratio = np.divide(own, around, out=np.ones(len(points)), where=around > 0)
+    deviation = float(np.median(np.abs(ratio - np.median(ratio))))
+    far: Bool[np.ndarray, " n"] = ratio > np.clip(1 + DEVIATIONS * deviation, LEAST_RATIO, MOST_RATIO)
     return far
 
 
-def _spacings(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the spacing of each point, and the median of its neighbours'."""
-    k = min(NEIGHBOURS + 1, len(points))
+def _spacings(points: Float[np.ndarray, "n 3"], count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the spacing of each point, and the median of those of its nearest points."""
+    k = min(max(NEIGHBOURS + 1, count), len(points))
     distances, nearest = cKDTree(points).query(points, k=k)
-    own = distances[:, 1:].mean(1)
-    return own, np.median(own[nearest[:, 1:]], axis=1)
+    own = distances[:, 1 : NEIGHBOURS + 1].mean(1)
+    return own, np.median(own[nearest[:, :count]], axis=1)
 
 
 def within_reach(

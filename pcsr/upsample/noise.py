@@ -16,7 +16,7 @@ AROUND = 16
 """Number of points that a quadric is fitted to."""
 TERMS = 6
 """Number of coefficients of a quadric."""
-NONE, ALL = (0.08, 1.8, 0.09), (0.16, 1.5, 0.05)
+NONE, ALL = (0.08, 1.8, 0.13), (0.16, 1.5, 0.08)
 """Evidence of noise from which on new points begin to be displaced, and with which they are displaced wholly.
 
 It is the lower quartile of the residuals in spacings, the ratio of the upper to the lower quartile, and the median
@@ -39,7 +39,7 @@ class Quadrics:
     residual: Float[np.ndarray, " n"]
     """Standard deviation of the points around the quadric."""
     flatness: Float[np.ndarray, " n"]
-    """Ratio of the smallest to the largest variance of the neighbourhood."""
+    """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
 
     @classmethod
     def fit(cls, points: Float[np.ndarray, "n 3"], unit: Float[np.ndarray, " n"]) -> "Quadrics":
@@ -60,7 +60,7 @@ class Quadrics:
         coefficients = np.linalg.solve(system, terms.mT @ local[..., :1])
         rest = local[..., :1] - terms @ coefficients
         residual = np.sqrt(np.square(rest).sum((1, 2)) / (k - TERMS))
-        flatness = np.divide(variances[:, 0], variances[:, 2], out=np.ones(len(points)), where=variances[:, 2] > 0)
+        flatness = np.divide(variances[:, 0], variances[:, 1], out=np.ones(len(points)), where=variances[:, 1] > 0)
         return cls(points, unit, axes, coefficients[..., 0], residual, flatness)
 
     def noisy(self) -> float:

@@ -13,8 +13,8 @@ from pcsr.upsample.candidates import Candidates
 from pcsr.upsample.gaps import between, spacing, strays, within_reach
 from pcsr.upsample.noise import Quadrics
 from pcsr.upsample.rejection import agreed, few_each, loneliness, on_planes
-from pcsr.upsample.wires import chords, on_wires
 from pcsr.upsample.selection import pattern, spread_out
+from pcsr.upsample.wires import chords, on_wires
 
 
 @dataclass(frozen=True)

@@ -35,16 +35,11 @@ def chords(points: Float[np.ndarray, "n 3"], wire: Bool[np.ndarray, " n"]) -> Fl
         points: the cloud, (n 3), in any frame.
         wire: the points on wires, (n).
     """
-    if not wire.any():
-        return np.zeros((0, 3))
     here = points[wire]
-    index = (
-        cKDTree(here).query(here, k=range(2, min(ALONG, len(here) - 1) + 2))[1]
-        if len(here) > 1
-        else np.zeros((1, 0), int)
-    )
+    if len(here) < 2:
+        return np.zeros((0, 3))
+    index = cKDTree(here).query(here, k=range(2, min(ALONG, len(here) - 1) + 2))[1]
     offsets = here[index] - here[:, None]
-    candidates: Float[np.ndarray, "c 3"] = np.concatenate(
-        [here[:, None] + share * offsets for share in SHARES]
-    ).reshape(-1, 3)
+    every = np.stack([here[:, None] + share * offsets for share in SHARES])
+    candidates: Float[np.ndarray, "c 3"] = every.reshape(-1, 3)
     return candidates

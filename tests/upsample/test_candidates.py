@@ -31,7 +31,7 @@ class Echo(nn.Module):
 
 
 def networked(network, **changes):
-    settings = {"size": 64, "rate": 2, "most_touches": 3, "touch_points": 10, **changes}
+    settings = {"size": 64, "rate": 2, "any_rate": True, "most_touches": 3, "touch_points": 10, **changes}
     made = object.__new__(Networked)
     for name, value in {"network": network, **settings}.items():
         object.__setattr__(made, name, value)
@@ -39,14 +39,14 @@ def networked(network, **changes):
 
 
 def test_a_network_gives_its_rate_of_candidates_in_double_precision():
-    made = networked(Echo())(ball(), [])
+    made = networked(Echo())(ball(), [], 2)
     assert made.dtype == np.float64
     np.testing.assert_allclose(made, np.repeat(ball(), 2, axis=0), atol=1e-6)
 
 
 def test_touches_become_as_many_points_as_the_network_knows():
     echo = Echo()
-    networked(echo)(ball(), [ball(4, 1), ball(10, 2), ball(300, 3)])
+    networked(echo)(ball(), [ball(4, 1), ball(10, 2), ball(300, 3)], 2)
     (given,) = echo.asked
     assert given.shape == (1, 3, 10, 3)
     different = sorted(len({tuple(point) for point in touch.numpy().round(5)}) for touch in given[0])
@@ -56,7 +56,7 @@ def test_touches_become_as_many_points_as_the_network_knows():
 def test_of_more_touches_than_it_knows_the_nearest_are_used():
     echo = Echo()
     touches = [np.full((10, 3), place) for place in (0.9, 0.1, 0.5, 0.3, 0.7)]
-    networked(echo)(ball(), touches)
+    networked(echo)(ball(), touches, 2)
     assert sorted(echo.asked[0][0, :, 0, 0].tolist()) == pytest.approx([0.1, 0.3, 0.5])
 
 
@@ -64,23 +64,25 @@ def test_the_order_of_a_touchs_points_does_not_matter():
     echo = Echo()
     touch = ball(50, 1)
     for one in (touch, touch[::-1]):
-        networked(echo)(ball(), [one])
+        networked(echo)(ball(), [one], 2)
     assert torch.equal(*echo.asked)
 
 
 def test_a_network_that_gives_nonsense_is_said():
     with pytest.raises(RunError, match="its weights are damaged"):
-        networked(Echo(float("nan")))(ball(), [])
+        networked(Echo(float("nan")))(ball(), [], 2)
 
 
 def test_a_stored_network_is_the_one_in_memory():
     network, recipe, _ = load_weights(shipped("tapsr"), load_plugins())
     memory = Networked.of(network, recipe)
-    stored = Stored(shipped("tapsr"), (), recipe.data.points, recipe.data.rate)
-    assert (stored.size, stored.rate) == (memory.size, memory.rate) == (512, 16)
+    stored = Stored(shipped("tapsr"), (), recipe.data.points, recipe.data.rate, any_rate=False)
+    of = "size", "rate", "any_rate"
+    assert [getattr(stored, name) for name in of] == [getattr(memory, name) for name in of] == [512, 16, False]
     touches = [ball(40, 1) * 0.2]
-    np.testing.assert_array_equal(stored(ball(80), touches), memory(ball(80), touches))
+    np.testing.assert_array_equal(stored(ball(80), touches, 16), memory(ball(80), touches, 16))
 
 
-def test_interpolation_gives_sixteen_for_each():
-    assert Midpoints()(ball(), []).shape == (64 * 16, 3)
+@pytest.mark.parametrize("rate", [4, 8])
+def test_interpolation_gives_as_many_for_each_as_are_asked_for(rate):
+    assert Midpoints()(ball(), [], rate).shape == (64 * rate, 3)

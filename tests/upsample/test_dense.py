@@ -100,9 +100,9 @@ def test_touches_go_to_the_patches_that_they_meet():
     asked = []
 
     class Spy(Midpoints):
-        def __call__(self, points, touches):
+        def __call__(self, points, touches, rate):
             asked.append((points, touches))
-            return super().__call__(points, touches)
+            return super().__call__(points, touches, rate)
 
     cloud = bowl(400)
     low, *_, high = np.array_split(cloud[cloud[:, 0].argsort()] + 1e-3, 80)

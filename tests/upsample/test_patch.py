@@ -1,0 +1,62 @@
+"""What a patch is filled with: on wires, beside stray points, between sheets, and on noisy surfaces."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from pcsr.upsample import densify
+from pcsr.upsample.candidates import Midpoints
+
+SOURCE = Midpoints(size=256, rate=16)
+
+
+def square(count, seed=0, side=1.0):
+    return np.random.default_rng(seed).uniform(0, side, (count, 3)) * [1, 1, 0]
+
+
+def test_stray_points_get_no_more_new_points_than_others():
+    stray = np.random.default_rng(1).uniform([0, 0, 0.2], [1, 1, 2], (12, 3))
+    cloud = np.concatenate([square(600), stray])
+    nearest = cKDTree(cloud).query(densify(cloud, 4 * len(cloud), SOURCE))[1]
+    assert (nearest >= 600).sum() / 12 <= 3
+
+
+def test_normals_tell_the_sheets_of_a_plate_apart():
+    side = np.sqrt(450)  # points are 1 apart
+    sheets = np.concatenate([square(450, k, side) + [0, 0, 1.4 * k] for k in (0, 1)])
+    normals = np.repeat([[0.0, 0, -1], [0, 0, 1]], 450, axis=0)
+
+    def inside(**options):
+        height = densify(sheets, 3600, SOURCE, **options)[:, 2]
+        return ((height > 0.28) & (height < 1.12)).mean()
+
+    assert inside(normals=normals) < 0.01
+    assert inside() > 0.05
+    assert inside(normals=np.zeros_like(normals)) == inside(), "points without normals are as those of a cloud without"
+
+
+@pytest.mark.parametrize("rate", [4, 16])
+def test_new_points_do_not_leave_a_wire(rate):
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(0, 20, 120)
+    wire = np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), 0.8 * angle])
+    fine = np.linspace(0, 20, 20_000)
+    curve = cKDTree(np.column_stack([5 * np.cos(fine), 5 * np.sin(fine), 0.8 * fine]))
+    new = densify(wire, rate * 120, SOURCE)
+    assert np.median(curve.query(new)[0]) < 0.02
+    assert (curve.query(new)[0] < 0.25).mean() > 0.9
+
+
+def test_on_a_noisy_floor_new_points_are_closer_to_it_than_old_ones():
+    cloud = square(900, side=30.0)
+    cloud[:, 2] = np.random.default_rng(2).normal(0, 0.3, 900)
+    new = densify(cloud, 3600, SOURCE)
+    assert np.abs(new[:, 2]).mean() < 0.6 * np.abs(cloud[:, 2]).mean()
+
+
+def test_a_dense_half_of_a_patch_stays_as_much_denser():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(0, 1, 180), rng.uniform(1, 2, 60)])
+    cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 240), np.zeros(240)])
+    new = densify(cloud, 960, SOURCE)
+    assert (new[:, 0] < 1).mean() == pytest.approx(0.75, abs=0.06)

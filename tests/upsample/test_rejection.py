@@ -1,0 +1,54 @@
+"""Candidates are rejected that few agree with, that are too many at a point, and that are between two sheets."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr.upsample.rejection import agreed, few_each, loneliness, on_planes
+
+
+@given(seed=st.integers(0, 100), count=st.integers(2, 60))
+def test_loneliness_is_the_distance_to_the_twentieth_other_candidate(seed, count):
+    rng = np.random.default_rng(seed)
+    candidates, unit = rng.normal(size=(count, 3)), rng.uniform(0.5, 2, count)
+    away = np.sort(np.linalg.norm(candidates[:, None] - candidates, axis=2), axis=1)
+    np.testing.assert_allclose(loneliness(candidates, unit), away[:, min(20, count - 1)] / unit)
+
+
+def test_candidates_at_points_without_spacing_are_the_loneliest():
+    assert np.isinf(loneliness(np.random.default_rng(0).normal(size=(30, 3)), np.zeros(30))).all()
+
+
+def test_the_loneliest_two_percent_are_rejected():
+    lonely = np.random.default_rng(0).permutation(np.arange(400.0))
+    assert (~agreed(lonely)).sum() == 8
+    assert lonely[~agreed(lonely)].min() == 392
+
+
+@given(seed=st.integers(0, 200), most=st.integers(1, 5))
+def test_a_capped_point_keeps_its_least_lonely_candidates(seed, most):
+    rng = np.random.default_rng(seed)
+    nearest, lonely, capped = rng.integers(0, 8, 60), rng.random(60), rng.random(8) < 0.5
+    kept = few_each(nearest, capped, most, lonely)
+    for point in range(8):
+        own = np.flatnonzero(nearest == point)
+        expected = own[np.argsort(lonely[own])][: most if capped[point] else None]
+        assert set(own[kept[own]]) == set(expected)
+
+
+def test_with_normals_nothing_between_two_sheets_is_kept_and_all_on_them():
+    rng = np.random.default_rng(0)
+    sheets = [np.column_stack([rng.uniform(0, 20, (400, 2)), np.full(400, z)]) for z in (0.0, 1.4)]
+    normals = np.tile([0.0, 0, 1], (800, 1)) * rng.choice([-1, 1], (800, 1))  # of any sign
+    candidates = rng.uniform(0, 20, (2000, 3)) * [1, 1, 0.07]
+    height = np.minimum(candidates[:, 2], np.abs(candidates[:, 2] - 1.4))
+    kept = on_planes(candidates, np.concatenate(sheets), normals, np.ones(800))
+    np.testing.assert_array_equal(kept, height <= 0.2)
+
+
+def test_a_candidate_on_the_other_face_of_an_edge_is_kept():
+    rng = np.random.default_rng(0)
+    floor, wall = rng.uniform(0, 5, (2, 300, 3)) * [[[1, 1, 0]], [[0, 1, 1]]]
+    normals = np.repeat([[0.0, 0, 1], [1, 0, 0]], 300, axis=0)
+    candidates = rng.uniform(0, 5, (500, 3)) * [0, 1, 1]
+    assert on_planes(candidates, np.concatenate([floor, wall]), normals, np.full(600, 0.3)).all()
