@@ -16,7 +16,7 @@ AROUND = 16
 """Number of points that a quadric is fitted to."""
 TERMS = 6
 """Number of coefficients of a quadric."""
-NONE, ALL = (0.08, 1.8, 0.13), (0.16, 1.5, 0.08)
+NONE, ALL = (0.08, 1.8, 0.2), (0.16, 1.5, 0.1)
 """Evidence of noise from which on new points begin to be displaced, and with which they are displaced wholly.
 
 It is the lower quartile of the residuals in spacings, the ratio of the upper to the lower quartile, and the median

