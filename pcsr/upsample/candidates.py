@@ -20,6 +20,8 @@ from pcsr.recipe import PartSpec, Recipe
 from pcsr.tensors import CloudArray
 from pcsr.upsample.checks import check_finite
 
+FEW = 4
+"""Rate up to which midpoints of the nearest neighbours are enough to choose from."""
 TOUCH_POINTS = 512
 """Number of points of a touch where the weights do not say how many there were in training."""
 MOST_TOUCH_POINTS = 1 << 16
@@ -49,15 +51,18 @@ class Candidates:
 
 @dataclass(frozen=True)
 class Midpoints(Candidates):
-    """Interpolation in two passes of rate 4, which is more accurate than one of rate 16."""
+    """Candidates by interpolation."""
 
     size: int = 512
     rate: int = 16
     any_rate: bool = True
 
     def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
-        """Return midpoints of neighbours; touches are ignored."""
-        return midpoint(points, rate, passes=2)
+        """Return midpoints of neighbours, or of more neighbours in two passes for a rate above 4; touches are ignored.
+
+        In two passes there are always `self.rate` for each point: more of them lie well than of fewer.
+        """
+        return midpoint(points, rate) if rate <= FEW else midpoint(points, self.rate, passes=2)
 
 
 @dataclass(frozen=True)

