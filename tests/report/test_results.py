@@ -103,7 +103,7 @@ def test_a_file_is_written_as_it_was_read(results, touch, tmp_path, field):
 
 def ordered(results):
     """Results in the order in which pcsr writes them."""
-    order = "name fingerprint seed version recipe data metrics objects groups methods touch training protocol timing hardware"
+    order = "name fingerprint seed version recipe data metrics objects groups methods touch training protocol timing"
     data = "shapes split points truth rate touches sampling seed normalisation object_size coverage left_out"
     results["data"] = {key: results["data"][key] for key in data.split() if key in results["data"]}
-    return {key: results[key] for key in (*order.split(), "created") if key in results}
+    return {key: results[key] for key in (*order.split(), "hardware", "created") if key in results}
