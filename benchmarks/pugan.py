@@ -3,9 +3,9 @@
 python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5] [--save]
 
 The file holds, for each shape, `input_512`, `input_2048` and `gt_8192` (independent Poisson-disk samples) and the mesh.
-Measured are interpolation and the shipped weights, or the models that are named. Models of any rate are measured through
-`Model.upsample`, as users get them; the others as their recipe is evaluated, by patches or the whole cloud in one pass.
-The column `protocol` says which. A network that cannot make a rate is not in that table.
+Measured are interpolation and the shipped weights, or the models that are named. Models of any rate without `patches`
+are measured through `Model.upsample`, as users get them; the others as their recipe is evaluated, by patches or the
+whole cloud in one pass. The column `protocol` says which. A network that cannot make a rate is not in that table.
 """
 
 import warnings
@@ -21,8 +21,8 @@ from rich import box
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.spatial import cKDTree
 from saved import save
+from scipy.spatial import cKDTree
 
 import pcsr
 from pcsr import weights
@@ -173,7 +173,7 @@ def spacing_variation(points: Cloud) -> float:
 
 
 def scores(dense: Cloud, shape: Shape) -> list[float]:
-    """The columns of the table for one cloud: times 10³ `METRICS` as the field has them and `SHIFTED`; and `SPACING`."""
+    """Compute the columns for one cloud: `METRICS` as the field has them and `SHIFTED`, times 10³; and `SPACING`."""
     field = pcsr.evaluate(dense, shape.truth, shape.mesh, frame="each", metrics=METRICS)
     own = pcsr.evaluate(dense, shape.truth, frame="truth", metrics="cd")
     return [*(1e3 * value for value in (*(field[metric] for metric in METRICS), own["cd"])), spacing_variation(dense)]
@@ -186,7 +186,9 @@ def table(shapes: Sequence[Shape], compared: dict[str, Method], rate: int, title
         shown = track(shapes, name, console=Console(stderr=True), transient=True)
         rows = [scores(method.upsample(shape.sparse[rate], shape.touches), shape) for shape in shown]
         spread = np.std(rows, 0, ddof=1) if len(rows) > 1 else np.full(len(rows[0]), np.nan)
-        result.add_row(name, method.protocol, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(np.mean(rows, 0), spread, strict=True)))
+        result.add_row(
+            name, method.protocol, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(np.mean(rows, 0), spread, strict=True))
+        )
     return result
 
 
