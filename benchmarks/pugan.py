@@ -3,10 +3,12 @@
 python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5] [--save]
 
 The file holds, for each shape, `input_512`, `input_2048` and `gt_8192` (independent Poisson-disk samples) and the mesh.
-Measured are the shipped weights, or the models that are named. Each is applied as in its own tables: to the whole cloud
-in one pass, or by patches where its recipe has `patches`; a network that cannot make a rate is not in that table.
+Measured are interpolation and the shipped weights, or the models that are named. Models of any rate without `patches`
+are measured through `Model.upsample`, as users get them; the others as their recipe is evaluated, by patches or the
+whole cloud in one pass. The column `protocol` says which. A network that cannot make a rate is not in that table.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,25 +22,37 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from saved import save
+from scipy.spatial import cKDTree
 
 import pcsr
 from pcsr import weights
 from pcsr.contracts import ShapeItem, Trait
-from pcsr.errors import PcsrError, UserError
+from pcsr.errors import PcsrError, PcsrWarning, UserError
 from pcsr.geometry.interpolation import midpoint
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe
-from pcsr.upsample import upsample_as
+from pcsr.upsample import protocol, upsample_as
+from pcsr.upsample.protocol import IN_USE
 
 INPUTS = {4: "input_2048", 16: "input_512"}
 METRICS = ("cd", "hd-pugcn", "p2f")
 SHIFTED = "cd, truth's frame"
 """A cloud that fills the unit sphere by itself does not show that it is shifted, or too large, and its outliers
 shift and shrink all of it."""
+SPACING = "spacing CV"
+"""Coefficient of variation of the distances to the nearest neighbour; 0 for a regular grid."""
 SEED = 0
 Cloud = Float[np.ndarray, "_ 3"]
-Upsample = Callable[[Cloud, Sequence[Cloud]], Cloud]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the table."""
+
+    protocol: str
+    upsample: Callable[[Cloud, Sequence[Cloud]], Cloud]
+    """Function of the sparse cloud and the touches that returns the dense cloud."""
 
 
 @dataclass(frozen=True)
@@ -104,47 +118,77 @@ def serves(network: Network, recipe: Recipe, rate: int) -> bool:
     return rate == recipe.network_rate or Trait.ANY_RATE in network.upsampler.traits
 
 
-def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, Upsample]:
+def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, Method]:
     """What is compared at a rate: interpolation, and each model without touches and, if it was trained with any, with.
 
     Raises:
         UserError: a model has no network.
     """
-    passes = 2 if rate == 16 else 1  # 16x as 4x twice, as the field does it and as is much better
-    compared: dict[str, Upsample] = {"midpoint": lambda points, touches: midpoint(points, rate, passes=passes)}
+    compared = {"midpoint": in_use(pcsr.load("midpoint"), rate, feels=False), "midpoint, whole cloud": whole(rate)}
     for model in models:
         network, recipe = trained(model)
         if not serves(network, recipe, rate):
             click.echo(f"{model.name} cannot make {rate}x and is not in that table", err=True)
             continue
-        compared[model.name] = by_protocol(network, recipe, rate, feels=False)
+        compared[model.name] = by_protocol(model, rate, feels=False)
         if touches and recipe.most_touches:
             name = f"{model.name}, {touches} touch{'es' if touches > 1 else ''}"
-            compared[name] = by_protocol(network, recipe, rate, feels=True)
+            compared[name] = by_protocol(model, rate, feels=True)
     return compared
 
 
-def by_protocol(network: Network, recipe: Recipe, rate: int, *, feels: bool) -> Upsample:
-    """How a network is applied in its own tables, at this rate, with a shape's touches or without."""
+def by_protocol(model: pcsr.Model, rate: int, *, feels: bool) -> Method:
+    """How a network is used or, if it has one rate or patches, evaluated; with a shape's touches or without."""
+    network, recipe = trained(model)
     recipe = recipe.model_copy(update={"data": recipe.data.model_copy(update={"rate": rate})})
-    return lambda points, touches: upsample_as(recipe, network, points, touches if feels else ())
+    name = protocol(recipe, network)
+    if name == IN_USE:
+        return in_use(model, rate, feels=feels)
+    return Method(name, lambda points, touches: upsample_as(recipe, network, points, touches if feels else ()))
+
+
+def in_use(model: pcsr.Model, rate: int, *, feels: bool) -> Method:
+    """The model as users have it, with a shape's touches or without."""
+
+    def upsample(points: Cloud, touches: Sequence[Cloud]) -> Cloud:
+        with warnings.catch_warnings():  # touches of unseen regions are simulated, and thus not misplaced
+            warnings.simplefilter("ignore", PcsrWarning)
+            dense: Cloud = model.upsample(points, touches if feels else (), rate=rate)
+        return dense
+
+    return Method(IN_USE, upsample)
+
+
+def whole(rate: int) -> Method:
+    """Interpolation of the whole cloud, at 16x as 4x twice, as the field does it and as is much better."""
+    passes = 2 if rate == 16 else 1
+    name = "whole cloud, 4x twice" if passes == 2 else "whole cloud in one pass"
+    return Method(name, lambda points, touches: midpoint(points, rate, passes=passes))
+
+
+def spacing_variation(points: Cloud) -> float:
+    """Coefficient of variation of the points' distances to their nearest neighbours."""
+    nearest = cKDTree(points).query(points, k=2)[0][:, 1]
+    return float(nearest.std() / nearest.mean())
 
 
 def scores(dense: Cloud, shape: Shape) -> list[float]:
-    """The columns of the table for one cloud, times 10³: `METRICS` as the field has them, and `SHIFTED`."""
+    """Compute the columns for one cloud: `METRICS` as the field has them and `SHIFTED`, times 10³; and `SPACING`."""
     field = pcsr.evaluate(dense, shape.truth, shape.mesh, frame="each", metrics=METRICS)
     own = pcsr.evaluate(dense, shape.truth, frame="truth", metrics="cd")
-    return [1e3 * value for value in (*(field[metric] for metric in METRICS), own["cd"])]
+    return [*(1e3 * value for value in (*(field[metric] for metric in METRICS), own["cd"])), spacing_variation(dense)]
 
 
-def table(shapes: Sequence[Shape], compared: dict[str, Upsample], rate: int, title: str) -> Table:
+def table(shapes: Sequence[Shape], compared: dict[str, Method], rate: int, title: str) -> Table:
     """Mean ± sample standard deviation over the shapes, in Markdown."""
-    result = Table("method", *METRICS, SHIFTED, title=title, box=box.MARKDOWN)
-    for name, upsample in compared.items():
+    result = Table("method", "protocol", *METRICS, SHIFTED, SPACING, title=title, box=box.MARKDOWN)
+    for name, method in compared.items():
         shown = track(shapes, name, console=Console(stderr=True), transient=True)
-        rows = [scores(upsample(shape.sparse[rate], shape.touches), shape) for shape in shown]
+        rows = [scores(method.upsample(shape.sparse[rate], shape.touches), shape) for shape in shown]
         spread = np.std(rows, 0, ddof=1) if len(rows) > 1 else np.full(len(rows[0]), np.nan)
-        result.add_row(name, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(np.mean(rows, 0), spread, strict=True)))
+        result.add_row(
+            name, method.protocol, *(f"{m:.3f} ± {s:.3f}" for m, s in zip(np.mean(rows, 0), spread, strict=True))
+        )
     return result
 
 
@@ -170,9 +214,9 @@ def main(file: Path, models: Sequence[str], touches: int, size: float, first: in
         if touches:
             shapes = touched(shapes, load_plugins().get("touch", "digit")(object_size=size), touches)
         for rate in INPUTS:
-            title = f"{rate}x, {len(shapes)} of {len(every)} shapes, ×10³"
+            title = f"{rate}x, {len(shapes)} of {len(every)} shapes, distances ×10³"
             found = table(shapes, methods(loaded, rate, touches), rate, title)
-            Console(width=200).print(found)  # a table is as wide as it need be, in a file too
+            Console(width=1000).print(found)  # a table is as wide as it need be, in a file too
             if saving:
                 rows = list(zip(*(column.cells for column in found.columns), strict=True))
                 command = f"python benchmarks/pugan.py {file.name} --touches {touches} --save"

@@ -101,6 +101,8 @@ class Results(BaseModel):
     touch: TouchEffect | None = None
     """None without touches, and in results of pcsr 0.1.0."""
     training: Training = Training()
+    protocol: str | None = None
+    """Name of the way in which the network makes a cloud dense; None in results of pcsr 0.2 and older."""
     timing: str = "mean"
     """Average that `MethodResult.seconds` are: the mean in results of pcsr 0.1.0, else the median."""
     hardware: dict[str, Any] = {}

@@ -52,7 +52,7 @@ def split():
 def evaluation():
     dense = np.random.default_rng(0).normal(size=(OBJECTS, 40, 3))
     method = MethodResult(name="ours", parameters=5, seconds=0.5, values={"cd": [0.1, 0.2, 0.3]})
-    return Evaluation([method], None, [dense], [1], None)
+    return Evaluation([method], None, [dense], [1], None, "as pcsr upsample")
 
 
 def test_all_numbers_are_there_and_nothing_that_json_does_not_know(registry, split, evaluation, tmp_path):
@@ -62,13 +62,14 @@ def test_all_numbers_are_there_and_nothing_that_json_does_not_know(registry, spl
     assert made == results.model_dump(exclude_unset=True)
     assert list(made) == [
         *("name", "fingerprint", "seed", "version", "recipe", "data", "metrics", "objects", "groups", "methods"),
-        *("touch", "training", "timing", "hardware", "created"),
+        *("touch", "training", "protocol", "timing", "hardware", "created"),
     ]
     assert list(made["data"]) == [
         *("shapes", "split", "points", "truth", "rate", "touches", "sampling", "seed", "normalisation"),
         *("object_size", "coverage", "left_out", "fingerprint"),
     ]
     assert made["touch"] is None
+    assert made["protocol"] == "as pcsr upsample"
     assert made["hardware"]["load"] is None
     assert made["objects"] == split.names
     (method,) = made["methods"]

@@ -18,10 +18,11 @@ from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.network.network import Network
 from pcsr.plugins.registry import FILE, Registry
 from pcsr.recipe import Recipe
+from pcsr.recipe.pretrained import check_weights
 from pcsr.results import MethodResult, validated
 from pcsr.tensors import Mesh
-from pcsr.threads import thread_count, threads
-from pcsr.upsample import points_at_once, upsample_as
+from pcsr.threads import threads
+from pcsr.upsample import protocol, thread_limit, upsample_as
 from pcsr.workers import worker_pool
 
 Cloud = Float[np.ndarray, "n 3"]
@@ -40,6 +41,10 @@ class Method:
     """
     bound: Baseline | None = None
     """Baseline that also gets the true surface. Its metrics bound those of any upsampling method."""
+    threads: int = 1
+    """Largest number of torch's threads."""
+    protocol: str | None = None
+    """Name of the way in which the network makes a cloud dense; `None` for baselines."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +61,24 @@ class Evaluation:
     """Torch threads that each method was timed with."""
     load: float | None
     """Load average of the machine over the minute before the evaluation; `None` if the system reports none."""
+    protocol: str | None
+    """Name of the way in which the first method makes a cloud dense; `None` if that is no network."""
 
 
 def methods(recipe: Recipe, network: Network, registry: Registry) -> list[Method]:
-    """Return the network of a recipe and its baselines as methods, the network first."""
+    """Return the network of a recipe and its baselines as methods, the network first.
+
+    Raises:
+        UserError: the weights file that the recipe names has changed.
+    """
+    weights = check_weights(recipe, registry)
+    trained = None if weights is None else weights.recipe
     own = Method(
         recipe.name,
         network.parameter_count,
-        lambda points, touches: upsample_as(recipe, network, points, touches),
+        lambda points, touches: upsample_as(recipe, network, points, touches, trained=trained),
+        threads=thread_limit(recipe, network),
+        protocol=protocol(recipe, network),
     )
     baselines = {name: registry.get("baseline", name)() for name in recipe.evaluate.baselines}
     return [own, *(_baseline_method(name, baseline, recipe) for name, baseline in baselines.items())]
@@ -149,7 +164,7 @@ def evaluate(
     used: list[int] = []
     for position, method in enumerate(compared):
         runs.append(_Timed([], []))
-        with threads(thread_count(points_at_once(recipe), method.parameters)) as count:
+        with threads(method.threads) as count:
             used.append(count)
             for i, mesh in enumerate(meshes):
                 points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
@@ -177,7 +192,7 @@ def evaluate(
         values = {str(name): [row[name] for row in rows] for name in recipe.evaluate.metrics}
         result = {"name": method.name, "parameters": method.parameters, "seconds": timed.median, "values": values}
         results.append(validated(MethodResult, result, f"method '{method.name}'", "mend the metric, or leave it out"))
-    return Evaluation(results, touch, [np.stack(timed.clouds) for timed in runs], used, load)
+    return Evaluation(results, touch, [np.stack(timed.clouds) for timed in runs], used, load, compared[0].protocol)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pcsr.network.network import Network
 from pcsr.recipe import Recipe
 from pcsr.run_files import HISTORY
 from pcsr.threads import thread_count, threads
-from pcsr.upsample import points_at_once, upsample_as
+from pcsr.upsample import points_at_once, upsample_plainly
 from pcsr.weights.file import read_file
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -151,13 +151,16 @@ def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
 
 @torch.no_grad()
 def validate(network: Network, split: Split, recipe: Recipe) -> float:
-    """Compute the mean Chamfer distance over a split in the truth's unit sphere, with the touches of the recipe."""
+    """Compute the mean Chamfer distance over a split in the truth's unit sphere, with the touches of the recipe.
+
+    The network works alone (`upsample_plainly`), so that the error is not that of the evaluation.
+    """
     network.eval()
     values = []
     with threads(thread_count(points_at_once(recipe), network.parameter_count)):
         for i in range(len(split)):
             touches = list(split.touches[i][: recipe.data.touches].numpy())
-            dense = upsample_as(recipe, network, split.points[i].numpy(), touches)
+            dense = upsample_plainly(recipe, network, split.points[i].numpy(), touches)
             values.append(float(chamfer(torch.from_numpy(dense)[None].float(), split.truth[i][None])))
     network.train()
     return sum(values) / len(values)

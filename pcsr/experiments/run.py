@@ -144,6 +144,7 @@ def results_of(
         methods=evaluation.methods,
         touch=evaluation.touch,
         training=validated(Training, training, "the card of the weights: training", "train the weights again"),
+        protocol=evaluation.protocol,
         timing="median",
         hardware={
             "cores": os.cpu_count(),

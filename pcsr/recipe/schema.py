@@ -170,7 +170,7 @@ class Recipe(Section):
     data: Data
     model: Model
     patches: Patches | None = None
-    """Patch-wise upsampling. None: the whole cloud in one pass, as in TAPSR."""
+    """Patch-wise upsampling. None: as `pcsr upsample`, or the whole cloud in one pass if the network is of one rate."""
     train: Train
     weights: Weights | None = None
     """Weights to evaluate instead of training; `train` then describes their training. None: the network is trained."""

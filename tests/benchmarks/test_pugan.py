@@ -17,6 +17,7 @@ from pcsr.network.build import build
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
+from pcsr.upsample import upsample
 
 ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
@@ -24,6 +25,7 @@ with pytest.MonkeyPatch.context() as patch:
     script = importlib.import_module("pugan")
 
 REGISTRY = load_plugins()
+INTERPOLATION = ["midpoint", "midpoint, whole cloud"]
 SMALL = ["model.encoder.channels=16", "model.backbone.channels=[16, 32]", "model.upsampler.hidden=8"]
 MESHES = {
     "ball": trimesh.creation.icosphere(subdivisions=2),
@@ -73,7 +75,7 @@ def rows(text):
     tables = []
     for line in lines:
         if line[0] == "method":
-            assert line[1:] == ["cd", "hd-pugcn", "p2f", "cd, truth's frame"]
+            assert line[1:] == ["protocol", "cd", "hd-pugcn", "p2f", "cd, truth's frame", "spacing CV"]
             tables.append({})
         elif not line[0].startswith("-"):
             tables[-1][line[0]] = line[1:]
@@ -89,7 +91,7 @@ def test_a_network_is_in_the_tables_of_the_rates_that_it_makes(tapsr, capsys):
     assert served(model("frames")) == [4, 16]
     assert served(patched) == [4, 16]
     assert served(model("pu-net", "patches.rate=16")) == [16]
-    assert list(script.methods([tapsr, patched], 4, 0)) == ["midpoint", "small"]
+    assert list(script.methods([tapsr, patched], 4, 0)) == [*INTERPOLATION, "small"]
     assert capsys.readouterr().err == "tapsr cannot make 4x and is not in that table\n"
     with pytest.raises(UserError, match="model 'midpoint' has no network"):
         script.trained(pcsr.load("midpoint"))
@@ -99,14 +101,14 @@ def test_touches_go_to_the_row_that_names_them_and_only_to_networks_trained_with
     given = []
     monkeypatch.setattr(script, "upsample_as", lambda *args: given.append(args))
     compared = script.methods([tapsr, vision], 16, 4)
-    assert list(compared) == ["midpoint", "tapsr", "tapsr, 4 touches", "vision"]
+    assert list(compared) == [*INTERPOLATION, "tapsr", "tapsr, 4 touches", "vision"]
     points, contacts = np.zeros((16, 3)), (np.ones((5, 3)),)
     for name in ("tapsr", "tapsr, 4 touches", "vision"):
-        compared[name](points, contacts)
+        compared[name].upsample(points, contacts)
     assert [touches for *_, touches in given] == [(), contacts, ()]
     assert [network for _, network, *_ in given] == [tapsr.network, tapsr.network, vision.network]
-    assert list(script.methods([tapsr], 16, 1)) == ["midpoint", "tapsr", "tapsr, 1 touch"]
-    assert list(script.methods([tapsr], 16, 0)) == ["midpoint", "tapsr"]
+    assert list(script.methods([tapsr], 16, 1)) == [*INTERPOLATION, "tapsr", "tapsr, 1 touch"]
+    assert list(script.methods([tapsr], 16, 0)) == [*INTERPOLATION, "tapsr"]
 
 
 def test_each_rate_is_asked_of_the_network_whatever_it_was_trained_at():
@@ -114,10 +116,43 @@ def test_each_rate_is_asked_of_the_network_whatever_it_was_trained_at():
     for rate in (4, 16):
         compared = script.methods([frames], rate, 2)
         points, contacts = shape().sparse[rate], (shape().truth[:40], shape().truth[40:80])
-        plain, touched = compared["small"](points, contacts), compared["small, 2 touches"](points, contacts)
-        assert len(plain) == len(touched) == len(compared["midpoint"](points, contacts)) == 512
-        away = [np.median(cKDTree(dense).query(contacts[0])[0]) for dense in (touched, plain)]
-        assert away[0] < 1e-5 < away[1], "most touched points are in the result; some are too near to one another"
+        dense = {name: method.upsample(points, contacts) for name, method in compared.items()}
+        assert list(dense) == [*INTERPOLATION, "small", "small, 2 touches"]
+        assert {len(cloud) for cloud in dense.values()} == {512}
+        for name, one in {"small": frames, "midpoint": pcsr.load("midpoint")}.items():
+            np.testing.assert_array_equal(dense[name], one.upsample(points, rate=rate))
+            assert compared[name].protocol == "as pcsr upsample"
+        np.testing.assert_array_equal(dense["small, 2 touches"], frames.upsample(points, contacts, rate=rate))
+        away = [np.median(cKDTree(dense[name]).query(contacts[0])[0]) for name in ("small, 2 touches", "small")]
+        assert away[0] < away[1], "points are closer to the touched ones"
+
+
+def test_only_models_of_any_rate_without_patches_go_the_way_of_the_library(tapsr):
+    patched = model("pu-net", "patches.rate=4", name="patched")
+    compared = script.methods([tapsr, patched, model("frames", name="frames")], 16, 0)
+    assert {name: method.protocol for name, method in compared.items()} == {
+        "midpoint": "as pcsr upsample",
+        "midpoint, whole cloud": "whole cloud, 4x twice",
+        "tapsr": "whole cloud in one pass, as TAPSR",
+        "patched": "by patches of 256 points at 4x, as PU-Net",
+        "frames": "as pcsr upsample",
+    }
+    points = shape().sparse[16]
+    whole = script.midpoint(points, 16, passes=2)
+    np.testing.assert_array_equal(compared["midpoint, whole cloud"].upsample(points, ()), whole)
+    np.testing.assert_array_equal(compared["tapsr"].upsample(points, ()), upsample(tapsr.network, points, 16))
+    assert script.methods([], 4, 0)["midpoint, whole cloud"].protocol == "whole cloud in one pass"
+
+
+def test_the_spacing_is_that_of_every_point_to_its_nearest():
+    points = shape().truth[:40]
+    nearest = [min(np.linalg.norm(a - b) for j, b in enumerate(points) if j != i) for i, a in enumerate(points)]
+    mean = sum(nearest) / 40
+    deviation = (sum((one - mean) ** 2 for one in nearest) / 40) ** 0.5
+    assert script.spacing_variation(points) == pytest.approx(deviation / mean, rel=1e-9)
+    assert script.scores(points, shape())[-1] == script.spacing_variation(points), "not times 10³"
+    grid = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), -1).reshape(-1, 3)
+    assert script.spacing_variation(grid) == pytest.approx(0, abs=1e-12)
 
 
 def test_shapes_that_cannot_be_touched_are_named_and_left_out(capsys):
@@ -147,7 +182,7 @@ def test_the_size_decides_how_much_a_touch_covers():
 def test_a_shift_shows_in_the_frame_of_the_truth_alone():
     one = shape()
     moved = one.truth + np.array([0.0, 0.0, 0.1])
-    cd, hd, _, own = script.scores(moved, one)
+    cd, hd, _, own, _ = script.scores(moved, one)
     assert cd == pytest.approx(0, abs=1e-9)
     assert hd == pytest.approx(0, abs=1e-9)
     radius = np.linalg.norm(one.truth - one.truth.mean(0), axis=1).max()
@@ -157,7 +192,7 @@ def test_a_shift_shows_in_the_frame_of_the_truth_alone():
 
 def test_an_outlier_moves_and_shrinks_what_fills_the_sphere_by_itself():
     one = shape()
-    cd, _, _, own = script.scores(np.vstack([one.truth, [[0.0, 0.0, 2.0]]]), one)
+    cd, _, _, own, _ = script.scores(np.vstack([one.truth, [[0.0, 0.0, 2.0]]]), one)
     assert cd > 2 * own
 
 
@@ -170,13 +205,13 @@ def test_the_distance_to_the_mesh_is_in_its_unit():
 
 def test_cells_are_means_and_standard_deviations_over_the_shapes():
     shapes = [shape("ball"), shape("box")]
-    table = script.table(shapes, {"again": lambda points, contacts: points}, 16, "title")
+    table = script.table(shapes, {"again": script.Method("unchanged", lambda points, contacts: points)}, 16, "title")
     values = np.array([script.scores(one.sparse[16], one) for one in shapes])
     cells = [next(iter(column.cells)) for column in table.columns]
-    wanted = [f"{values[:, k].mean():.3f} ± {values[:, k].std(ddof=1):.3f}" for k in range(4)]
-    assert cells == ["again", *wanted]
-    (alone,) = [next(iter(c.cells)) for c in script.table(shapes[:1], {"a": lambda p, f: p}, 4, "").columns[1:2]]
-    assert alone.endswith("± nan")
+    wanted = [f"{values[:, k].mean():.3f} ± {values[:, k].std(ddof=1):.3f}" for k in range(5)]
+    assert cells == ["again", "unchanged", *wanted]
+    alone = script.table(shapes[:1], {"a": script.Method("", lambda points, contacts: points)}, 4, "").columns[2]
+    assert next(iter(alone.cells)).endswith("± nan")
 
 
 def test_the_file_is_read_as_it_was_written(file):
@@ -196,22 +231,23 @@ def test_the_command_prints_both_tables(file, tmp_path, tapsr):
     result = CliRunner().invoke(script.main, [str(file), str(weights), "--touches", "2"])
     assert result.exit_code == 0, result.output
     four, sixteen = rows(result.stdout)
-    assert list(four) == ["midpoint"]
-    assert list(sixteen) == ["midpoint", str(weights), f"{weights}, 2 touches"]
+    assert list(four) == INTERPOLATION
+    assert list(sixteen) == [*INTERPOLATION, str(weights), f"{weights}, 2 touches"]
     assert "4x, 2 of 3 shapes" in result.stdout
     assert "needle is left out" in result.stderr
     one, other = (script.scores(script.midpoint(shape(name).sparse[4], 4), shape(name))[0] for name in ("ball", "box"))
-    assert four["midpoint"][0] == f"{(one + other) / 2:.3f} ± {abs(one - other) / 2**0.5:.3f}"
+    assert four["midpoint, whole cloud"][:1] == ["whole cloud in one pass"]
+    assert four["midpoint, whole cloud"][1] == f"{(one + other) / 2:.3f} ± {abs(one - other) / 2**0.5:.3f}"
 
 
 @pytest.mark.slow
 def test_without_touches_every_shape_counts_and_without_models_the_shipped_ones(file, monkeypatch, vision):
-    loaded = []
+    loaded, known = [], {"one": vision, "another": vision, "midpoint": pcsr.load("midpoint")}
     monkeypatch.setattr(script.weights, "names", lambda: ["one", "another"])
-    monkeypatch.setattr(pcsr, "load", lambda name: loaded.append(name) or vision)
+    monkeypatch.setattr(pcsr, "load", lambda name: loaded.append(name) or known[name])
     result = CliRunner().invoke(script.main, [str(file)])
     assert result.exit_code == 0, result.output
-    assert loaded == ["one", "another"]
+    assert [name for name in loaded if name != "midpoint"] == ["one", "another"]
     assert "16x, 3 of 3 shapes" in result.stdout
     result = CliRunner().invoke(script.main, [str(file), "--first", "2"])
     assert "16x, 2 of 3 shapes" in result.stdout

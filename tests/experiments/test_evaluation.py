@@ -10,6 +10,7 @@ import pytest
 import torch
 import trimesh
 
+import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
 from pcsr.errors import UserError
@@ -17,9 +18,9 @@ from pcsr.experiments.evaluation import Method, bound_stream, evaluate, methods
 from pcsr.experiments.run import results_of
 from pcsr.metrics import METRICS
 from pcsr.network.build import build
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.threads import WORK_PER_THREAD
 from pcsr_plugins.baselines.floor import Floor
 
 ROOT = Path(__file__).parents[2]
@@ -112,7 +113,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
     slow, before = Slow([0.6, 0.01, 0.02]), torch.get_num_threads()
     torch.set_num_threads(3)
     try:
-        large = Method("ours", 2 * WORK_PER_THREAD // recipe.data.points + 1, slow)
+        large = Method("ours", 5, slow, threads=2)
         small = Method("other", 5, lambda points, touches: np.repeat(points, 4, axis=0))
         made = evaluate(recipe, registry, [large, small], split, jobs=1)
         assert torch.get_num_threads() == 3
@@ -121,6 +122,7 @@ def test_seconds_are_the_median_and_come_with_threads_and_load(recipe, registry,
     assert slow.threads == {2}
     assert (made.threads, made.load) == ([2, 1], 2.5)
     assert np.median(slow.took[True]) <= made.methods[0].seconds < np.mean(slow.took[True]), "not the mean"
+    assert made.protocol is None
     results = results_of(recipe, split, made, {})
     assert (results.timing, results.hardware["threads"], results.hardware["load"]) == ("median", 2, 2.5)
 
@@ -181,6 +183,31 @@ def test_the_second_method_stays_midpoint_and_the_floor_is_on_the_surface(recipe
         "midpoint",
         "floor",
     ]
+
+
+def test_the_network_is_measured_by_the_protocol_of_its_recipe(registry, split):
+    settings = [*SETTINGS, "evaluate.baselines=[midpoint]", "evaluate.metrics=[cd]"]
+    (recipe,) = load(ROOT / "pcsr/recipes/frames.yaml", registry, settings)
+    network = build(recipe, registry).eval()
+    compared = methods(recipe, network, registry)
+    assert (compared[0].threads, compared[1].threads) == (1, 1)
+    made = evaluate(recipe, registry, compared, split, jobs=1)
+    for dense, points in zip(made.dense[0], split.points, strict=True):
+        np.testing.assert_array_equal(dense[:64], points.numpy(), "the old points are kept")
+    assert results_of(recipe, split, made, {}).protocol == "as pcsr upsample"
+
+
+def test_weights_are_measured_with_the_patches_of_their_training(registry, tmp_path):
+    (trained,) = load(ROOT / "pcsr/recipes/frames.yaml", registry, [*SETTINGS, "data.points=32"])
+    weights = tmp_path / "frames.safetensors"
+    save_weights(weights, build(trained, registry), {"recipe": trained.resolved()})
+    settings = [*SETTINGS[:2], "data.points=200", "data.rate=4", f"weights={weights}", "evaluate.metrics=[cd]"]
+    (recipe,) = load(ROOT / "pcsr/recipes/frames.yaml", registry, settings)
+    model = pcsr.load(weights)
+    points = np.random.default_rng(0).normal(size=(200, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    own, _ = methods(recipe, model.network, registry)
+    np.testing.assert_array_equal(own.upsample(points, []), model.upsample(points, rate=4))
 
 
 def test_the_floor_follows_the_name_and_the_seed():

@@ -87,9 +87,10 @@ def test_the_time_of_an_epoch_is_that_of_the_training_over_its_epochs(results):
     assert parse_results(results).seconds_per_epoch == 360
 
 
-@pytest.mark.parametrize("field", ["touch", "timing", "hardware"])
+@pytest.mark.parametrize("field", ["touch", "protocol", "timing", "hardware"])
 def test_a_file_is_written_as_it_was_read(results, touch, tmp_path, field):
     """To the byte: integers stay integers, what is absent stays absent, and what is unknown of a training is kept."""
+    results["protocol"] = "as pcsr upsample"
     results["timing"], results["hardware"] = "median", {"cores": 2, "load": 0.5, "note": "ü"}
     results["training"] = {"seconds": 5, "steps": 9, "device": "1 x cpu", "threads": None, "validation": {"cd": 1e-05}}
     results["training"] |= {"source": "this run"}
@@ -101,8 +102,8 @@ def test_a_file_is_written_as_it_was_read(results, touch, tmp_path, field):
 
 
 def ordered(results):
-    """Results in the order in which pcsr 0.1.0 wrote them."""
-    order = "name fingerprint seed version recipe data metrics objects groups methods touch training timing hardware"
+    """Results in the order in which pcsr writes them."""
+    order = "name fingerprint seed version recipe data metrics objects groups methods touch training protocol timing"
     data = "shapes split points truth rate touches sampling seed normalisation object_size coverage left_out"
     results["data"] = {key: results["data"][key] for key in data.split() if key in results["data"]}
-    return {key: results[key] for key in (*order.split(), "created") if key in results}
+    return {key: results[key] for key in (*order.split(), "hardware", "created") if key in results}

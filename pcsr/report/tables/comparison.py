@@ -71,6 +71,8 @@ def _note(rows: Sequence[Row], runs: Sequence[Results], *, with_touch: bool) -> 
     note += "; ".join(f"{metric}: {one.description}" for metric, one in runs[0].metrics.items()) + "."
     if with_touch:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+    for protocol in dict.fromkeys(row.protocol for row in rows if row.protocol is not None):
+        note += f" {', '.join(row.label for row in rows if row.protocol == protocol)}: {protocol}."
     for row in rows:
         if row.other_code is not None:
             note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."

@@ -39,6 +39,8 @@ class Row:
     """Whether the row is the floor, which is not used to choose decimals."""
     other_code: str | None = None
     """How the code differs from that of the training, where old weights were measured with new code."""
+    protocol: str | None = None
+    """Name of the way in which the network makes a cloud dense; None for a baseline and where it is not known."""
 
     @property
     def marked(self) -> str:
@@ -137,4 +139,5 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
         float(np.mean(epochs)) if of_network and epochs else None,
         methods[0].name == BOUND and not of_network,
         next((run.training.other_code for run in runs if run.training.other_code), None) if of_network else None,
+        first.protocol if of_network else None,
     )

@@ -40,6 +40,8 @@ def _note(results: Results) -> str:
         note += f"wins: objects on which it is better than {results.baseline}."
     if results.touch is not None:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+    if results.protocol is not None:
+        note += f" {results.methods[0].name}: {results.protocol}."
     note += f" s/cloud: {results.timed}."
     if results.training.other_code is not None:
         note += f" Old weights with new code: {results.training.other_code}."

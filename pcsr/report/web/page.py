@@ -58,10 +58,11 @@ def _statement(results: Results) -> str:
         touches = f"{data.touches} touch{'es' if data.touches > 1 else ''}"
         if data.coverage is not None:
             touches += f" on {100 * data.coverage:.3g} % of the true points"
+    protocol = f"{results.methods[0].name} makes them {results.protocol}. " if results.protocol is not None else ""
     text = (
         f"{count} objects{size} of {data.shapes}, split {data.split}{left_out}. "
         f"{data.points} points (sampling: {data.sampling}) and {touches} become {data.truth} points ({data.rate}×). "
-        f"Clouds are {data.normalisation.removesuffix('.')}. "
+        f"{protocol}Clouds are {data.normalisation.removesuffix('.')}. "
         f"Numbers are mean ± sample standard deviation over the objects, of one training with seed {results.seed}; "
         f"lower is better. Recipe {results.fingerprint[:8]}, pcsr {results.version}, {results.created}."
     )

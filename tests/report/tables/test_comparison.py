@@ -109,6 +109,16 @@ def test_rows_of_other_clouds_are_not_counted_against_each_other(results, varian
     assert "64 points to 256 or 64 points to 512" in whole.note
 
 
+def test_the_note_names_the_protocol_of_each_row(results, variant):
+    runs = [variant(results, f"study-{name}", model=name) for name in "abcd"]
+    for run, protocol in zip(runs, ("as x", "as y", "as x"), strict=False):
+        run["protocol"] = protocol
+    note = compare(runs, "study")[0].note
+    assert note.endswith(". a, c: as x. b: as y.")
+    assert note.count("as x") == 1
+    assert "midpoint:" not in note
+
+
 def test_labels_leave_out_what_all_begin_with(results, variant):
     runs = [variant(results, f"small-fusion.{name}", model=name) for name in ("my.one", "my.other")]
     (made,) = compare(runs, "compare")

@@ -28,6 +28,13 @@ def test_seconds_say_what_they_are(results):
     assert "(cores 2, threads 1, torch 2.6)" in " ".join(printed(results).split())
 
 
+def test_the_note_names_the_protocol_unless_the_results_are_older(results):
+    assert "as pcsr upsample" not in printed(results)
+    results["protocol"] = "as pcsr upsample"
+    assert "baseline's; wins" in " ".join(printed(results).split())
+    assert " tapsr: as pcsr upsample. s/cloud:" in " ".join(printed(results).split())
+
+
 def test_the_screen_shows_the_numbers(results):
     text = printed(results)
     for metric in results["metrics"]:

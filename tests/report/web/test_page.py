@@ -197,3 +197,10 @@ def test_what_touch_does_has_a_section_where_it_was_measured(draw, results, touc
     page = draw()
     assert page.texts("section", id="touch") == []
     assert "touch efficiency" not in page.texts("th")
+
+
+def test_the_statement_names_the_protocol_unless_the_results_are_older(draw, results):
+    assert "makes them" not in draw().texts("p")[0]
+    results["protocol"] = "by patches & more"
+    (lead,) = [text for text in draw().texts("p") if "become 256 points" in text]
+    assert "(4×). tapsr makes them by patches & more. Clouds are compared" in lead
