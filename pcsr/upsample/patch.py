@@ -84,7 +84,7 @@ def _kept(
     if len(candidates) == 0:
         return np.zeros(0, bool)
     lonely = loneliness(candidates, unit[nearest])
-    kept = few_each(nearest, strays(points), -(-task.count // task.core), lonely)
+    kept = few_each(nearest, strays(points), max(1, task.count // (2 * task.core)), lonely)
     if task.first:
         kept &= agreed(lonely)
     known = normals.any(1)

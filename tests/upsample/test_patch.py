@@ -39,13 +39,13 @@ def test_normals_tell_the_sheets_of_a_plate_apart():
 @pytest.mark.parametrize("rate", [4, 16])
 def test_new_points_do_not_leave_a_wire(rate):
     rng = np.random.default_rng(0)
-    angle = rng.uniform(0, 20, 120)
+    angle = np.linspace(0, 20, 120) + rng.uniform(-0.04, 0.04, 120)  # half a step
     wire = np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), 0.8 * angle])
     fine = np.linspace(0, 20, 20_000)
     curve = cKDTree(np.column_stack([5 * np.cos(fine), 5 * np.sin(fine), 0.8 * fine]))
     new = densify(wire, rate * 120, SOURCE)
     assert np.median(curve.query(new)[0]) < 0.05
-    assert (curve.query(new)[0] < 0.25).mean() > 0.9
+    assert (curve.query(new)[0] < 0.25).mean() > 0.97
 
 
 def test_on_a_noisy_floor_new_points_are_closer_to_it_than_old_ones():
