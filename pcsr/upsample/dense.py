@@ -43,7 +43,6 @@ class Pass:
     """Number of points, at the beginning of the cloud, that are fixed. The others are candidates."""
     rate: int
     """Candidates for each point."""
-    first: bool
 
 
 @threads(1)
@@ -113,10 +112,10 @@ def densify(
     for number in range(1, count):
         step = round(start * growth ** (number / count)) - n
         rate = RATE if source.any_rate else source.rate
-        added = one_pass(cloud, normals, Pass(step, n, rate, first=number == 1))
+        added = one_pass(cloud, normals, Pass(step, n, rate))
         cloud, n = np.concatenate([cloud, added]), n + step
     rate = LAST_RATE if source.any_rate else source.rate
-    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate, first=count == 1)))
+    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate)))
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
@@ -181,7 +180,7 @@ def _tasks(
         known = patch.rows < len(normals)
         around[known] = normals[patch.rows[known]]
         fixed = patch.rows < plan.fixed
-        yield Task(points, patch.core, fixed, around, nearby, share, plan.rate, plan.first)
+        yield Task(points, patch.core, fixed, around, nearby, share, plan.rate)
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:

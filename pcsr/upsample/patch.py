@@ -12,7 +12,7 @@ from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
 from pcsr.upsample.gaps import between, spacing, strays, within_reach
 from pcsr.upsample.noise import Quadrics
-from pcsr.upsample.rejection import agreed, few_each, loneliness, on_planes
+from pcsr.upsample.rejection import few_each, loneliness, on_planes
 from pcsr.upsample.selection import pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
 
@@ -35,8 +35,6 @@ class Task:
     """Number of new points of the core."""
     rate: int
     """Candidates for each point."""
-    first: bool
-    """Whether this is the first pass, in which candidates that few others agree with are rejected."""
 
 
 @threads(1)  # a Dask worker sets its own number of threads
@@ -85,8 +83,6 @@ def _kept(
         return np.zeros(0, bool)
     lonely = loneliness(candidates, unit[nearest])
     kept = few_each(nearest, strays(points), max(1, task.count // (2 * task.core)), lonely)
-    if task.first:
-        kept &= agreed(lonely)
     known = normals.any(1)
     if known.any():
         kept &= on_planes(candidates, points[known], normals[known], spacing(points[known]))

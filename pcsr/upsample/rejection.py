@@ -6,8 +6,6 @@ from scipy.spatial import cKDTree
 
 AGREEING = 20
 """The distance to the candidate of this rank tells how many others agree with a candidate."""
-LONELY = 0.005
-"""Share of the candidates that is rejected, those that fewest others agree with."""
 PLANES = 8
 """Number of nearest points whose tangent planes a candidate is compared with."""
 HEIGHT = 0.2
@@ -26,12 +24,6 @@ def loneliness(candidates: Float[np.ndarray, "c 3"], unit: Float[np.ndarray, " c
     distance = cKDTree(candidates).query(candidates, k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
     lonely: Float[np.ndarray, " c"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
     return lonely
-
-
-def agreed(lonely: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
-    """Return all but the share `LONELY` of the candidates with the largest loneliness."""
-    kept: Bool[np.ndarray, " c"] = lonely <= np.quantile(lonely, 1 - LONELY)
-    return kept
 
 
 def few_each(
