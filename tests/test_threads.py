@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import torch
 from torch import nn
 
 import pcsr
+from pcsr.contracts import Trait
 from pcsr.network.network import Network
 from pcsr.threads import PASSIVE, WAIT_VARIABLES, WORK_PER_THREAD, allowed, single_thread, thread_count, threads
 from pcsr.upsample import densify
@@ -137,6 +139,7 @@ class Spy(Network):
         nn.Module.__init__(self)
         self.weight = nn.Parameter(torch.zeros(1))
         self.seen = []
+        self.upsampler = SimpleNamespace(traits={Trait.ANY_RATE})
 
     def candidates(self, points, rate, touches=None):
         self.seen.append(torch.get_num_threads())
@@ -182,7 +185,7 @@ def test_two_threads_may_upsample_at_once(four, model, cloud):
 
 def test_a_network_that_fails_gives_the_threads_back(four, cloud):
     class Failing(Candidates):
-        size, rate = 512, 16
+        size, rate, any_rate = 512, 16, True
 
         def __call__(self, points, touches, rate):
             assert torch.get_num_threads() == 1
