@@ -81,10 +81,12 @@ def _kept(
     """Return which candidates are not rejected."""
     if len(candidates) == 0:
         return np.zeros(0, bool)
-    lonely = loneliness(candidates, unit[nearest])
-    kept = few_each(nearest, strays(points), max(1, task.count // (2 * task.core)), lonely)
-    known = normals.any(1)
-    if known.any():
+    kept = np.ones(len(candidates), bool)
+    capped, known = strays(points), normals.any(1)
+    if capped.any():
+        lonely = loneliness(candidates, unit[nearest])
+        kept = few_each(nearest, capped, max(1, task.count // (2 * task.core)), lonely)
+    if known.sum() > 1:
         kept &= on_planes(candidates, points[known], normals[known], spacing(points[known]))
     return kept
 

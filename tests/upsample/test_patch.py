@@ -36,6 +36,13 @@ def test_normals_tell_the_sheets_of_a_plate_apart():
     assert inside(normals=np.zeros_like(normals)) == inside(), "points without normals are as those of a cloud without"
 
 
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_a_cloud_may_have_a_few_normals_only(count):
+    cloud, normals = square(100), np.zeros((100, 3))
+    normals[:count, 2] = 1
+    assert densify(cloud, 400, SOURCE, normals=normals).shape == (300, 3)
+
+
 @pytest.mark.parametrize("rate", [4, 16])
 def test_new_points_do_not_leave_a_wire(rate):
     rng = np.random.default_rng(0)
