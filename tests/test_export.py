@@ -154,7 +154,7 @@ def test_exporting_branches_give_what_the_usual_ones_give(monkeypatch):
     assert torch.equal(neighbour_max(points, knn(points, points, 5)), greatest)
 
 
-class Undecided(torch.nn.Module):
+class Undecided(Upsampler):
     """Looks at the numbers to choose the way, as no graph can."""
 
     def forward(self, points, features, rate):

@@ -79,7 +79,7 @@ def test_uninstalled_it_leaves_the_rest_working_and_is_explained(environment, pl
         owners = listed(environment("pcsr plugins", place))
         assert ("fusion", "attention") not in owners
         assert {("touch", "taxels"), ("fusion", "iterative")} <= owners.keys()
-        why = environment("pcsr plugins --why attention", place)
+        why = environment("pcsr plugins --why attention", place, code=2)
         assert "no installed plugin registers a part or is called 'attention'" in why
         message = environment("pcsr recipe check recipe.yaml", place, code=2)
         assert "recipe.yaml:12:17: there is no fusion 'attention'" in message

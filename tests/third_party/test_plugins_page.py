@@ -23,7 +23,9 @@ def done(environment, tmp_path_factory):
     printed: list[tuple[str, str]] = []
     for language, block in BLOCKS:
         if language == "sh":
-            printed += [(line, environment(line, folder)) for line in block.splitlines()]
+            for line in block.splitlines():
+                missing = "# no installed plugin" in line
+                printed.append((line, environment(line, folder, code=2 if missing else 0)))
         elif language == "toml":
             assert block in (folder / "my-fusion" / "pyproject.toml").read_text(encoding="utf-8")
         else:
