@@ -196,6 +196,24 @@ class Upsampler(nn.Module, Part):
         """
         return [self(points, features, rate)]
 
+    def with_errors(
+        self, points: Points, features: Features, rate: int
+    ) -> tuple[Dense, Float[Tensor, "b dense"] | None]:
+        """Generate the dense cloud and predict the distance of each of its points from the surface.
+
+        `pcsr upsample` prefers points of small predicted error among those that fill a gap equally well.
+
+        Args:
+            points: (b n 3).
+            features: (b n refined).
+            rate: points to generate for each point.
+
+        Returns:
+            The result of `forward`, and its predicted errors in the unit of `points`, (b dense); None by default: the
+            upsampler predicts none.
+        """
+        return self(points, features, rate), None
+
 
 @runtime_checkable
 class UpsamplingNetwork(Protocol):

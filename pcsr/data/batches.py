@@ -4,6 +4,7 @@ The random numbers of a row are determined by the seed, the step and the positio
 or distributed over several processes, thus gets the same batches as one that is not.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,16 @@ JITTER = 0.002
 """Standard deviation of the noise on the sparse cloud, in radii of the unit sphere; it is cut off at three of them."""
 
 
+NOISY = 0.3
+"""Share of the clouds with more noise, with the augmentation `noise`."""
+NOISE = (0.002, 0.02)
+"""Range of its standard deviation, in radii of the unit sphere, drawn log-uniformly."""
+UNEVEN = 0.3
+"""Share of the other redrawn clouds whose density varies, with the augmentation `uneven`."""
+CONTRAST = 8.0
+"""Largest ratio of the densities of two regions of such a cloud."""
+
+
 @dataclass(frozen=True)
 class Batch:
     """Clouds and touches in the network's frame: before augmentation the sparse cloud fills the unit sphere."""
@@ -57,7 +68,8 @@ class Batches:
     augment: Sequence[str]
     """Names of augmentations. `redraw` samples the sparse cloud again from the truth; with `even`, half of the samples
     are evenly spaced. `crop` replaces some batches by halves of objects without touches, so that surfaces have borders
-    as in a scan. `rotate`, `scale` and `jitter` transform the clouds."""
+    as in a scan. `rotate`, `scale` and `jitter` transform the clouds. `noise` adds more noise to some; `uneven` lets
+    the density of some vary."""
     seed: int
     patches: Patches | None = None
     """Size of patches. With patches a row is one patch of an object, and its sparse cloud is sampled from the truth."""
@@ -90,6 +102,8 @@ class Batches:
             pool = rng.permutation(len(truth))[: int(rng.choice(POOLS)) * count]
             even: Int[np.ndarray, " count"] = pool[farthest_points(truth[pool], count, int(rng.integers(len(pool))))]
             return even
+        if "uneven" in self.augment and rng.random() < UNEVEN:
+            return uneven_subset(truth, count, rng)
         return rng.choice(len(truth), count, replace=False)
 
     def _patch(self, patches: Patches, truth: Tensor, touched: Tensor, rng: np.random.Generator) -> Tensor:
@@ -138,14 +152,34 @@ class Batches:
             clouds = [cloud * factor for cloud in clouds]
         points, touched, truth = clouds
         if "jitter" in self.augment:
-            noise = rng.normal(0, JITTER, tuple(points.shape)).clip(-3 * JITTER, 3 * JITTER)
-            points = points + torch.from_numpy(noise.astype(np.float32))
+            points = points + _noise(JITTER, points, rng)
+        if "noise" in self.augment and rng.random() < NOISY:
+            points = points + _noise(math.exp(rng.uniform(*np.log(NOISE))), points, rng)
         return points, truth, touched, mask
 
 
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:
     """Whether a cloud was sampled from the truth. The view of a camera was not, and must not be sampled again."""
     return bool((truth == points[0]).all(1).any())
+
+
+def _noise(sigma: float, points: Float[Tensor, "n 3"], rng: np.random.Generator) -> Float[Tensor, "n 3"]:
+    """Draw Gaussian noise, cut off at three standard deviations."""
+    noise = rng.normal(0, sigma, tuple(points.shape)).clip(-3 * sigma, 3 * sigma)
+    return torch.from_numpy(noise.astype(np.float32))
+
+
+def uneven_subset(truth: Float[np.ndarray, "g 3"], count: int, rng: np.random.Generator) -> Int[np.ndarray, " count"]:
+    """Choose random points of a cloud, some of its regions denser than others, as near a scanner.
+
+    The density changes exponentially along a random direction, by up to `CONTRAST`.
+    """
+    direction = rng.normal(size=3)
+    along = truth @ (direction / np.linalg.norm(direction))
+    share = (along - along.min()) / max(np.ptp(along), np.finfo(float).tiny)
+    weight = np.exp(rng.uniform(0, math.log(CONTRAST)) * share)
+    chosen: Int[np.ndarray, " count"] = rng.choice(len(truth), count, replace=False, p=weight / weight.sum())
+    return chosen
 
 
 def _rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:

@@ -19,11 +19,16 @@ from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import UserError
 from pcsr.experiments.recorder import Progress, Recorder
+from pcsr.files import sha256
 from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
+from pcsr.recipe.schema import Weights
 from pcsr.threads import thread_count, threads
+from pcsr.weights.file import read_file
+from pcsr.weights.find import find
+from pcsr.weights.fit import fill_matching
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -136,9 +141,23 @@ def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
 def _model(recipe: Recipe, registry: Registry) -> _Training:
     """Build network and objective, with initial weights determined by the recipe's seed."""
     network = build(recipe, registry)
+    if recipe.train.start is not None:
+        fill_matching(network, *_start(recipe.train.start))
     with torch.random.fork_rng(devices=[]):  # an objective may have random initial weights
         torch.manual_seed(recipe.seed)
         return _Training(network, recipe.train.objective.build(registry, "objective"))
+
+
+def _start(weights: Weights) -> tuple[dict[str, torch.Tensor], Path]:
+    """Return the tensors of the weights that training starts from, and their file.
+
+    Raises:
+        UserError: the file has changed since the recipe was read.
+    """
+    path = find(weights.use)
+    if sha256(path) != weights.sha256:
+        raise UserError(f"train.start: the weights {path} have changed since the recipe was read: run it again")
+    return read_file(path)[0], path
 
 
 def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float, rate: int) -> dict[str, float]:

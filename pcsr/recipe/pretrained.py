@@ -77,10 +77,11 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     Raises:
         RecipeError: the recipe has mistakes, or its network differs from that of the weights.
     """
+    source = source.copy()
     written = source.data.get("weights")
     if written is None:
+        _name_start(source, registry)
         return check(source, registry)
-    source = source.copy()
     location = source.location(("weights", "use"))
     try:
         weights_file, named = _named(written, location, registry)
@@ -102,21 +103,37 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
     return recipe.model_copy(update={"train": weights_file.recipe.train})
 
 
-def _named(written: Any, location: Location, registry: Registry) -> tuple[WeightsFile, dict[str, Any]]:
-    """Return the weights file that a recipe names, and the resolved section `weights`."""
+def _name_start(source: Source, registry: Registry) -> None:
+    """Replace the name of the weights that training starts from by the resolved mapping, in place."""
+    train = source.data.get("train")
+    written = train.get("start") if isinstance(train, dict) else None
+    if written is None:
+        return
+    location = source.location(("train", "start"))
+    try:
+        train["start"] = _named(written, location, registry, "train.start")[1]
+    except UserError as error:
+        source.mistakes.append(Mistake(location, str(error)))
+        del train["start"]
+
+
+def _named(
+    written: Any, location: Location, registry: Registry, key: str = "weights"
+) -> tuple[WeightsFile, dict[str, Any]]:
+    """Return the weights file that a recipe names at `key`, and the resolved mapping."""
     named = written if isinstance(written, dict) else {"use": written}
     use = named.get("use")
     if not isinstance(use, str) or not use:
         known = ", ".join(names())
-        raise UserError(f"weights must be shipped weights ({known}) or a file, got {json.dumps(written, default=str)}")
+        raise UserError(f"{key} must be shipped weights ({known}) or a file, got {json.dumps(written, default=str)}")
     # A path in a file is relative to that file; a path on the command line, to the current folder.
     path = find(use, Path(location.origin).parent if location.line else Path())
     weights_file = WeightsFile.read(path, registry)
     accepted = (weights_file.sha256, SHA256_IN_0_1.get(weights_file.sha256))
     if named.get("sha256", weights_file.sha256) not in accepted:
         raise UserError(
-            f"the weights {path} have the hash {weights_file.sha256[:12]}…, but weights.sha256 is "
-            f"{str(named['sha256'])[:12]}…: get the file with this hash, or remove weights.sha256"
+            f"the weights {path} have the hash {weights_file.sha256[:12]}…, but {key}.sha256 is "
+            f"{str(named['sha256'])[:12]}…: get the file with this hash, or remove {key}.sha256"
         )
     return weights_file, {**named, "use": use if use in names() else str(path), "sha256": weights_file.sha256}
 

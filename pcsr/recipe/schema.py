@@ -96,7 +96,16 @@ class Model(Section):
 Count = Annotated[int, Field(ge=0, le=16)]
 FEW = Field(max_length=16)
 """Limit of the lists of names."""
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop"]
+Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven"]
+
+
+class Weights(Section):
+    """Finished weights."""
+
+    use: Annotated[str, Field(min_length=1, max_length=4096)]
+    """Name of shipped weights, or path of a file."""
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
 
 
 class Train(Section):
@@ -117,6 +126,8 @@ class Train(Section):
     """Number of touches in training, or the least and the greatest, between which it is drawn for each batch. None: the
     number at evaluation."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
+    start: Weights | None = None
+    """Weights that training starts from: tensors that the network has too, by name and shape. None: random weights."""
 
 
 class Evaluate(Section):
@@ -144,15 +155,6 @@ class Patches(Section):
     """Upsampling rate of one pass. The network is applied repeatedly until the rate of the data is reached."""
     overlap: Annotated[float, Field(ge=1, le=16)] = 3.0
     """Mean number of patches that contain a point."""
-
-
-class Weights(Section):
-    """Finished weights, which are evaluated instead of training."""
-
-    use: Annotated[str, Field(min_length=1, max_length=4096)]
-    """Name of shipped weights, or path of a file."""
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
 
 
 def _named(name: str) -> str:
@@ -229,6 +231,9 @@ class Recipe(Section):
             decisive["weights"] = SHA256_IN_0_1.get(self.weights.sha256, self.weights.sha256)
         else:
             decisive["train"] = plain["train"] | {"touches": list(self.touch_range)}
+            start = decisive["train"].pop("start")
+            if start:
+                decisive["train"]["start"] = start["sha256"]
         if self.joined:
             decisive["joined"] = plain["joined"]
         if self.patches:

@@ -40,3 +40,19 @@ def check_fit(network: nn.Module, shapes: Mapping[str, tuple[int, ...]], path: P
         raise UserError(
             f"the weights in {path} do not fit this {type(network).__name__}: {'; '.join(wrong[:3])}{more}. {remedy}"
         )
+
+
+def fill_matching(network: nn.Module, tensors: Mapping[str, Tensor], path: Path) -> None:
+    """Load the tensors that a network has too, by name and shape. Its other weights keep their values.
+
+    Raises:
+        UserError: there are none.
+    """
+    own = network.state_dict()
+    matching = {name: tensor for name, tensor in tensors.items() if name in own and own[name].shape == tensor.shape}
+    if not matching:
+        raise UserError(
+            f"training cannot start from {path}: it has no tensor of the name and shape of one of this "
+            f"{type(network).__name__}. Name weights of a network with some of the same parts, or leave out train.start"
+        )
+    network.load_state_dict({**own, **matching})

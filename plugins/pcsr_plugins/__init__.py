@@ -11,6 +11,8 @@ tapsr-midpoint            unet             iterative    pu-transformer   midpoin
 ablation/raw              mlp              none         pu-transformer   shuffle       chamfer      TAPSR, Sec. 4.4
 ablation/concat           unet             concat       pu-transformer   shuffle       chamfer      TAPSR, Sec. 4.4
 ablation/edge-conv        unet             edge-conv    pu-transformer   shuffle       chamfer      our own
+field                     local-frames     joint-cloud  local-frames     rated-edges   surface-     our own
+                                                                                       passes
 frames                    local-frames     joint-cloud  local-frames     edge-offsets  surface      our own
 pu-transformer            mlp              none         pu-transformer   shuffle       chamfer      PU-Transformer
 pu-net                    set-abstraction  none         pu-net           branches      pu-net       PU-Net
@@ -58,6 +60,7 @@ def pcsr_register(register: Register) -> None:
     register.upsampler("midpoint", "pcsr_plugins.upsamplers.midpoint:Midpoint")
     register.upsampler("node-shuffle", "pcsr_plugins.upsamplers.node_shuffle:NodeShuffle")
     register.upsampler("progressive", "pcsr_plugins.upsamplers.progressive:Progressive")
+    register.upsampler("rated-edges", "pcsr_plugins.upsamplers.rated_edges:RatedEdges")
     register.upsampler("shuffle", "pcsr_plugins.upsamplers.shuffle:Shuffle")
     register.upsampler("up-down-up", "pcsr_plugins.upsamplers.up_down_up:UpDownUp")
 
@@ -68,6 +71,7 @@ def pcsr_register(register: Register) -> None:
     register.objective("pu-gan", "pcsr_plugins.objectives.pu_gan:PuGan")
     register.objective("pu-net", "pcsr_plugins.objectives.pu_net:PUNetLoss")
     register.objective("surface", "pcsr_plugins.objectives.surface:Surface")
+    register.objective("surface-passes", "pcsr_plugins.objectives.surface_passes:SurfacePasses")
 
     register.touch("digit", "pcsr_plugins.touch.digit:Digit")
     register.touch("recorded", "pcsr_plugins.touch.recorded:Recorded")

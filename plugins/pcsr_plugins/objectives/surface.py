@@ -49,17 +49,31 @@ class Surface(Objective):
         Raises:
             UserError: the truth is a single point, or none.
         """
-        normals, spacing = planes(target)
-        there, back = nearest(prediction, target).unsqueeze(-1), nearest(target, prediction).unsqueeze(-1)
-        offset = prediction - gather(target, there).squeeze(2)
-        gap = target - gather(prediction, back).squeeze(2)
-        height = (offset * gather(normals, there).squeeze(2)).sum(-1)
-        beyond = F.relu((offset.square().sum(-1) + 1e-12).sqrt() - spacing)  # the root of 0 has no gradient
+        height, beyond = distances(prediction, target)
         return {
-            "coverage": gap.square().sum(-1).mean(),
+            "coverage": coverage(prediction, target),
             "surface": self.surface * height.square().mean(),
             "stray": self.stray * beyond.square().mean(),
         }
+
+
+def coverage(prediction: Points, target: Points) -> Float[Tensor, ""]:
+    """Mean squared distance from each target point to the nearest predicted one."""
+    back = nearest(target, prediction).unsqueeze(-1)
+    return (target - gather(prediction, back).squeeze(2)).square().sum(-1).mean()
+
+
+def distances(prediction: Points, target: Points) -> tuple[Float[Tensor, "b p"], Float[Tensor, "b p"]]:
+    """Distance of each predicted point to the plane at the nearest target point, and to that point beyond its spacing.
+
+    Raises:
+        UserError: there are fewer than two target points.
+    """
+    normals, spacing = planes(target)
+    there = nearest(prediction, target).unsqueeze(-1)
+    offset = prediction - gather(target, there).squeeze(2)
+    height = (offset * gather(normals, there).squeeze(2)).sum(-1)
+    return height, F.relu((offset.square().sum(-1) + 1e-12).sqrt() - spacing)  # the root of 0 has no gradient
 
 
 def planes(points: Points) -> tuple[Float[Tensor, "b n 3"], Float[Tensor, "b 1"]]:

@@ -8,10 +8,11 @@ Zero-initialised: before training it is the interpolation.
 """
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import torch
-from jaxtyping import Int, Shaped
+from jaxtyping import Float, Int, Shaped
 from pydantic import Field
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -22,6 +23,9 @@ from pcsr.tensors import Dense, Features, Points
 from pcsr_plugins.layers.heads import displacement_head
 from pcsr_plugins.layers.local_frames import SCALARS, LocalFrames
 from pcsr_plugins.layers.options import Channels, NeighbourCount
+
+Spokes = Annotated[int, Field(ge=1, le=64)]
+Surplus = Annotated[float, Field(ge=1, le=64)]
 
 FARTHEST = 0.45
 """Share of the edge at which the outermost candidates start: those of the neighbour are beyond half."""
@@ -38,8 +42,8 @@ class EdgeOffsets(Upsampler):
         widths: Widths,
         *,
         hidden: Channels = 64,
-        spokes: Annotated[int, Field(ge=1, le=64)] = 8,
-        surplus: Annotated[float, Field(ge=1, le=64)] = 2.0,
+        spokes: Spokes = 8,
+        surplus: Surplus = 2.0,
         neighbours: NeighbourCount = 16,
     ) -> None:
         """Choose how many candidates there are.
@@ -61,23 +65,30 @@ class EdgeOffsets(Upsampler):
 
     def forward(self, points: Points, features: Features, rate: int) -> Dense:
         """The points themselves, and `surplus`·rate·n displaced candidates, or a few more."""
-        frames = LocalFrames.of(points, self.neighbours)
+        candidates = [
+            candidate for candidate, _ in self.rings(LocalFrames.of(points, self.neighbours), points, features, rate)
+        ]
+        return torch.cat([points.unsqueeze(2), *candidates], dim=2).flatten(1, 2)
+
+    def rings(
+        self, frames: LocalFrames, points: Points, features: Features, rate: int
+    ) -> Iterator[tuple[Float[Tensor, "b n s 3"], Float[Tensor, "b n s hidden"]]]:
+        """Generate the candidates of each ring around the points, innermost first, and the MLP's last hidden layer."""
         around = frames.around(self.spokes)
         index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges()))
         known = self.here(features).unsqueeze(2) + gather(self.there(features), index) + self.edge(edges)
         up, neighbour_normals = frames.normal.unsqueeze(2), gather(frames.normal, index)
         unit, rough = frames.unit.unsqueeze(2), frames.rough.unsqueeze(2)
         rings = math.ceil(self.surplus * rate / around.shape[2])
-        clouds = [points.unsqueeze(2)]
         for ring in range(1, rings + 1):
             share = FARTHEST * ring / rings
             step = self.share(torch.tensor([share, share * share], dtype=points.dtype, device=points.device))
             # As a surface bends, so does its normal: around a thin limb the middle of an edge is pushed aside, not up.
             normal = F.normalize(torch.lerp(up, neighbour_normals, share), dim=-1)
-            height, reach = (rough * self.mlp(known + step)).split(1, dim=-1)
+            hidden = self.mlp[:-1](known + step)
+            height, reach = (rough * self.mlp[-1](hidden)).split(1, dim=-1)
             along = share * 2 * torch.sigmoid(reach)  # an untrained one goes all of its share
-            clouds.append(points.unsqueeze(2) + unit * (along * offsets + height * normal))
-        return torch.cat(clouds, dim=2).flatten(1, 2)
+            yield points.unsqueeze(2) + unit * (along * offsets + height * normal), hidden
 
 
 def _chosen(of_edges: Shaped[Tensor, "b n k *c"], columns: Int[Tensor, "b n s"]) -> Shaped[Tensor, "b n s *c"]:
