@@ -59,12 +59,22 @@ class Network(nn.Module):
 
     def candidates(
         self, points: Points, rate: int, touches: TouchBatch | None = None
-    ) -> Float[Tensor, "b candidates 3"]:
-        """Generate points without thinning them out: at least `rate` for each input point.
+    ) -> tuple[Float[Tensor, "b candidates 3"], Float[Tensor, "b candidates"] | None]:
+        """Generate points without thinning them out, and predict their distances from the surface.
 
-        They include the touched points if the fusion keeps those.
+        There are at least `rate` for each input point. They include the touched points, last and with an error of 0, if
+        the fusion keeps those.
+
+        Returns:
+            The points, and their predicted errors in the unit of `points`; None if the upsampler predicts none.
         """
-        return _with_touched(self._generate(points, rate, touches)[-1], touches=self._kept(touches))
+        start = self.upsampler.prepare(points, rate)
+        cloud, features = self.refine(start, touches)
+        dense, errors = self.upsampler.with_errors(cloud, features, rate * points.shape[1] // start.shape[1])
+        both = _with_touched(dense, touches=self._kept(touches))
+        if errors is not None:
+            errors = nn.functional.pad(errors, (0, both.shape[1] - dense.shape[1]))
+        return both, errors
 
     def refine(
         self, points: Points, touches: TouchBatch | None = None
