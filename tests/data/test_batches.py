@@ -8,12 +8,12 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.data.batches import JITTER, POOLS, SCALE, Batches
+from pcsr.data.batches import CONTRAST, JITTER, NOISE, NOISY, POOLS, SCALE, Batches, uneven_subset
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from tests.data.splits import clouds, split
 
-ALL = ("redraw", "even", "crop", "rotate", "scale", "jitter")
+ALL = ("redraw", "even", "crop", "rotate", "scale", "jitter", "noise", "uneven")
 
 
 def batches(*augment: str, size: int = 4, touches: tuple[int, int] = (0, 3), seed: int = 5, count: int = 7) -> Batches:
@@ -179,3 +179,32 @@ def test_pools_of_all_sizes_are_drawn_from_and_never_more_than_there_is():
     of_all = least(farthest_points(truth, 20))
     assert sum(gap > 0.8 * of_all for gap in gaps) > 3
     assert sum(0.3 * of_all < gap < 0.7 * of_all for gap in gaps) > 3
+
+
+def test_noise_displaces_some_clouds_by_up_to_three_of_its_largest_deviations_and_leaves_the_truth():
+    still, moved = batches(touches=(0, 0), size=16), batches("noise", touches=(0, 0), size=16)
+    away = []
+    for step in range(8):
+        one, other = still.at(step), moved.at(step)
+        assert torch.equal(one.truth, other.truth)
+        away += (one.points - other.points).abs().amax((1, 2)).tolist()
+    share = np.mean(np.array(away) > 0)
+    assert 0 < share < 1
+    assert abs(share - NOISY) < 0.25
+    assert max(away) <= 3 * NOISE[1]
+    assert min(each for each in away if each > 0) > NOISE[0]
+
+
+def test_an_uneven_subset_is_denser_on_one_side_by_no_more_than_the_contrast():
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(-1, 1, (20_000, 3))
+    ratios = []
+    for _ in range(10):
+        chosen = truth[uneven_subset(truth, 4000, rng)]
+        assert len(np.unique(chosen, axis=0)) == 4000
+        middle = chosen.mean(0)
+        along = middle / np.linalg.norm(middle)
+        counts = np.histogram(chosen @ along, bins=[-1, -0.5, 0, 0.5, 1])[0]
+        ratios.append(counts[3] / max(counts[0], 1))
+    assert max(ratios) > 1.5
+    assert max(ratios) < CONTRAST

@@ -68,7 +68,8 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
     net = network(*overrides)
     for felt in (None, TouchBatch.of(touches)):
         made = net.upsampler(*net.refine(points, felt), RATE)
-        every = net.candidates(points, RATE, felt)
+        every, errors = net.candidates(points, RATE, felt)
+        assert errors is None, "this upsampler predicts none"
         assert every.shape[1] > COUNT
         assert torch.equal(every[:, : made.shape[1]], made)
         known = every[:, made.shape[1] :]
@@ -79,27 +80,36 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
 
 
 @torch.no_grad()
-def test_candidates_repeat_points_in_the_place_of_a_missing_touch_and_are_what_training_judges(clouds):
+def test_candidates_repeat_points_in_the_place_of_a_missing_touch(clouds):
     points, touches = clouds
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
     net = anchored()
-    every = net.candidates(points, RATE, TouchBatch.of(touches, mask))
-    present = net.candidates(points, RATE, TouchBatch.of(touches, mask | True))
-    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), present)
+    every = net.candidates(points, RATE, TouchBatch.of(touches, mask))[0]
+    present = net.candidates(points, RATE, TouchBatch.of(touches, mask | True))[0]
+    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches))[0], present)
     for row, felt, there in zip(every, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
         assert torch.equal(joined[there], felt[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own
-    net.train()
-    given = TouchBatch.of(touches, mask)
-    assert torch.equal(net.candidates(points, RATE, given), net(points, RATE, given))
 
 
 @torch.no_grad()
 def test_of_an_upsampler_without_surplus_candidates_are_the_result(clouds):
     points, touches = clouds
     net = network()
-    assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), net(points, RATE, TouchBatch.of(touches)))
+    given = TouchBatch.of(touches)
+    assert torch.equal(net.candidates(points, RATE, given)[0], net(points, RATE, given))
+
+
+@torch.no_grad()
+def test_predicted_errors_are_of_the_candidates_and_zero_for_touched_points(clouds):
+    points, touches = clouds
+    net = network(*INSERTED[:-1], "model.upsampler={use: rated-edges, hidden: 8}")
+    dense, errors = net.candidates(points, RATE, TouchBatch.of(touches))
+    assert errors.shape == dense.shape[:2]
+    touched = touches.shape[1] * touches.shape[2]
+    assert (errors[:, :-touched] > 0).all()
+    assert (errors[:, -touched:] == 0).all()
 
 
 @torch.no_grad()

@@ -288,3 +288,39 @@ def test_a_card_of_nonsense_is_a_mistake_and_no_crash(write, registry, trained, 
     path = write("name: a\nweights: w.safetensors")
     with suppress(RecipeError):
         assert one(path, registry).weights is not None
+
+
+def test_training_may_start_from_weights_whose_hash_is_part_of_the_fingerprint(write, registry, trained, tmp_path):
+    trained()
+    plain = write(f"name: a\nmodel: {MODEL}", "plain.yaml")
+    path = write(f"name: a\nmodel: {MODEL}\ntrain: {{start: w.safetensors}}")
+    made = one(path, registry)
+    assert made.train.start.use.endswith("w.safetensors")
+    assert made.train.start.sha256 == sha256(tmp_path / "w.safetensors")
+    assert made.fingerprint != one(plain, registry).fingerprint
+    assert one(plain, registry).train.start is None
+    assert from_resolved(made.resolved(), registry) == made
+    trained("train.epochs=9")
+    assert one(path, registry).fingerprint != made.fingerprint, "other weights under the same name"
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("nothing", r"yaml:3:\d+: there are no weights 'nothing'"),
+        ("3", r"train.start must be shipped weights \(.*\) or a file, got 3"),
+        ("{use: w.safetensors, sha256: " + "a" * 64 + "}", r"but train.start.sha256 is aaaaaaaaaaaa…: get the file"),
+        ("{used: w.safetensors}", r"train.start must be shipped weights"),
+    ],
+)
+def test_weights_to_start_from_that_do_not_exist_are_a_mistake_in_the_file(write, registry, trained, start, message):
+    trained()
+    with pytest.raises(RecipeError, match=message):
+        load(write(f"name: a\nmodel: {MODEL}\ntrain: {{start: {start}}}"), registry)
+
+
+def test_weights_that_were_trained_from_others_need_those_no_more(write, registry, trained, tmp_path):
+    trained(name="first.safetensors")
+    trained("train.start=" + str(tmp_path / "first.safetensors"))
+    (tmp_path / "first.safetensors").unlink()
+    assert one(write("name: a\nweights: w.safetensors"), registry).train.start.use.endswith("first.safetensors")

@@ -57,13 +57,15 @@ class Surface(Objective):
         }
 
 
-def coverage(prediction: Points, target: Points) -> Float[Tensor, ""]:
+def coverage(prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b g 3"]) -> Float[Tensor, ""]:
     """Mean squared distance from each target point to the nearest predicted one."""
     back = nearest(target, prediction).unsqueeze(-1)
     return (target - gather(prediction, back).squeeze(2)).square().sum(-1).mean()
 
 
-def distances(prediction: Points, target: Points) -> tuple[Float[Tensor, "b p"], Float[Tensor, "b p"]]:
+def distances(
+    prediction: Float[Tensor, "b p 3"], target: Float[Tensor, "b g 3"]
+) -> tuple[Float[Tensor, "b p"], Float[Tensor, "b p"]]:
     """Distance of each predicted point to the plane at the nearest target point, and to that point beyond its spacing.
 
     Raises:
