@@ -18,8 +18,11 @@ MARGIN = 1.4
 """Points that a patch is chosen from, in points of the patch: those at the border lack neighbours."""
 BORDER = 1.3
 """True points around a patch that the distance from the surface is measured to, in true points of the patch."""
+CORE = 0.6
+"""Share of a patch, around its centre, whose candidates are judged. Those at the border would be judged by their
+distance from the surface alone, as no true points are to be covered there, and so learn to stay where they are."""
 COVERED = 0.5
-"""True points of a patch that are to be covered: those at its border are covered by other patches."""
+"""True points that are to be covered, in true points of the patch: those within reach of the core."""
 
 
 def next_pass(
@@ -33,8 +36,8 @@ def next_pass(
         truth: true clouds, (b g 3).
 
     Returns:
-        The patches in their own unit spheres, (b n 3); true points around them, (b h 3); and those of the true points
-        that the patches must cover, (b c 3).
+        The patches in their own unit spheres, (b n 3), nearest to the centre first, the first `CORE` of which are the
+        core; true points around them, (b h 3); and those of the true points that the patches must cover, (b c 3).
     """
     rows = [_patch(*each) for each in zip(points, dense, truth, strict=True)]
     around, near, covered = (torch.stack(clouds).to(points) for clouds in zip(*rows, strict=True))

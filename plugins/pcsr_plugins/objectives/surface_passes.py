@@ -12,7 +12,7 @@ from torch.nn import functional as F
 from pcsr import TouchBatch, UserError
 from pcsr.contracts import UpsamplingNetwork
 from pcsr.tensors import Points
-from pcsr_plugins.layers.next_pass import next_pass
+from pcsr_plugins.layers.next_pass import CORE, next_pass
 from pcsr_plugins.layers.options import Weight
 from pcsr_plugins.objectives.surface import Surface, coverage, distances
 
@@ -60,8 +60,8 @@ class SurfacePasses(Surface):
             UserError: the upsampler predicts no errors, or the truth is a single point.
         """
         losses, dense = self._pass(network, points, truth, truth, touches)
-        around, near, core = next_pass(points, dense, truth)
-        second, _ = self._pass(network, around, near, core, None)
+        around, near, covered = next_pass(points, dense, truth)
+        second, _ = self._pass(network, around, near, covered, None, core=CORE)
         return losses | {f"second {name}": loss for name, loss in second.items()}
 
     def _pass(
@@ -71,8 +71,12 @@ class SurfacePasses(Surface):
         truth: Float[Tensor, "b g 3"],
         covered: Float[Tensor, "b h 3"],
         touches: TouchBatch | None,
+        core: float = 1.0,
     ) -> tuple[dict[str, Float[Tensor, ""]], Float[Tensor, "b n m 3"]]:
-        """Return the losses of a pass, and what was generated from each of the points, without gradient."""
+        """Return the losses of a pass, and what was generated from each of the points, without gradient.
+
+        Of the candidates, those of the first share `core` of the points are compared with the surface.
+        """
         cloud, features = network.refine(points, touches)
         dense, predicted = network.upsampler.with_errors(cloud, features, RATE)
         if predicted is None:
@@ -81,13 +85,14 @@ class SurfacePasses(Surface):
                 f"objective 'surface-passes' trains predicted errors, and upsampler {kind} has none: take objective "
                 f"'surface', or an upsampler with predicted errors, such as 'rated-edges'"
             )
-        height, beyond = distances(dense, truth)
+        judged = round(core * cloud.shape[1]) * dense.shape[1] // cloud.shape[1]
+        height, beyond = distances(dense[:, :judged], truth)
         true = (height.detach().square() + beyond.detach().square()).sqrt().clamp_max(LARGEST)
         kept = torch.randperm(dense.shape[1], generator=torch.Generator().manual_seed(0))[: RATE * cloud.shape[1]]
         losses = {
             "coverage": coverage(dense[:, kept.to(dense.device)], covered),
             "surface": self.surface * 2 * F.huber_loss(height, torch.zeros_like(height), delta=FAR),
             "stray": self.stray * beyond.square().mean(),
-            "error": self.error * (predicted - true).abs().mean(),
+            "error": self.error * (predicted[:, :judged] - true).abs().mean(),
         }
         return losses, dense.detach().unflatten(1, (cloud.shape[1], -1))[:, : points.shape[1]]
