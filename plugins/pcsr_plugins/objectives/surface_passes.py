@@ -12,12 +12,14 @@ from torch.nn import functional as F
 from pcsr import TouchBatch, UserError
 from pcsr.contracts import UpsamplingNetwork
 from pcsr.tensors import Points
-from pcsr_plugins.layers.next_pass import CORE, next_pass
+from pcsr_plugins.layers.next_pass import CORE, GROWTH, next_pass
 from pcsr_plugins.layers.options import Weight
 from pcsr_plugins.objectives.surface import Surface, coverage, distances
 
 RATE = 8
 """Rate of a pass in training: that of the last pass of `pcsr upsample` (`pcsr.upsample.dense.LAST_RATE`)."""
+KEPT = 0.5
+"""Candidates that cover the truth, in true points: with more of them, each could stay close to where it came from."""
 FAR = 0.03
 """Distance to the plane, in radii, beyond which its loss grows linearly, not with its square (Huber): a third of the
 spacing of 512 points. A few candidates between two sheets would else outweigh all others."""
@@ -59,9 +61,10 @@ class SurfacePasses(Surface):
         Raises:
             UserError: the upsampler predicts no errors, or the truth is a single point.
         """
-        losses, dense = self._pass(network, points, truth, truth, touches)
+        few = round(KEPT * truth.shape[1])
+        losses, dense = self._pass(network, points, truth, truth, touches, few)
         around, near, covered = next_pass(points, dense, truth)
-        second, _ = self._pass(network, around, near, covered, None, core=CORE)
+        second, _ = self._pass(network, around, near, covered, None, few // GROWTH, core=CORE)
         return losses | {f"second {name}": loss for name, loss in second.items()}
 
     def _pass(
@@ -71,11 +74,13 @@ class SurfacePasses(Surface):
         truth: Float[Tensor, "b g 3"],
         covered: Float[Tensor, "b h 3"],
         touches: TouchBatch | None,
+        few: int,
         core: float = 1.0,
     ) -> tuple[dict[str, Float[Tensor, ""]], Float[Tensor, "b n m 3"]]:
         """Return the losses of a pass, and what was generated from each of the points, without gradient.
 
-        Of the candidates, those of the first share `core` of the points are compared with the surface.
+        Of the candidates, those of the first share `core` of the points are compared with the surface, and `few` random
+        ones cover the truth.
         """
         cloud, features = network.refine(points, touches)
         dense, predicted = network.upsampler.with_errors(cloud, features, RATE)
@@ -88,7 +93,7 @@ class SurfacePasses(Surface):
         judged = round(core * cloud.shape[1]) * dense.shape[1] // cloud.shape[1]
         height, beyond = distances(dense[:, :judged], truth)
         true = (height.detach().square() + beyond.detach().square()).sqrt().clamp_max(LARGEST)
-        kept = torch.randperm(dense.shape[1], generator=torch.Generator().manual_seed(0))[: RATE * cloud.shape[1]]
+        kept = torch.randperm(dense.shape[1], generator=torch.Generator().manual_seed(0))[:few]
         losses = {
             "coverage": coverage(dense[:, kept.to(dense.device)], covered),
             "surface": self.surface * 2 * F.huber_loss(height, torch.zeros_like(height), delta=FAR),
