@@ -37,8 +37,8 @@ def clouds(batch, touches, seed=0):
     draw = torch.Generator().manual_seed(seed)
     directions = torch.nn.functional.normalize(torch.randn(batch, N, 3, generator=draw), dim=-1)
     points = directions * torch.tensor([1.0, 0.8, 0.5])
-    felt = points[:, :touches, None] + 0.05 * torch.randn(batch, touches, M, 3, generator=draw)
-    return (points, felt) if touches else (points,)
+    touched = points[:, :touches, None] + 0.05 * torch.randn(batch, touches, M, 3, generator=draw)
+    return (points, touched) if touches else (points,)
 
 
 @pytest.mark.parametrize("half", [False, True])

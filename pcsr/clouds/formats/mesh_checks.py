@@ -32,7 +32,7 @@ def check_mesh(data: bytes, suffix: str) -> None:
 
 
 def fault(data: bytes, suffix: str) -> str:
-    """Return what is wrong with a mesh file that trimesh cannot read, as far as it can be told."""
+    """Return the reason why trimesh cannot read a mesh file; a general one if the cause is not found."""
     if suffix == ".obj":
         text = obj_text(data)
         count = len(obj_vertices(text)[0])

@@ -33,7 +33,7 @@ def read_cloud(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default what the path's name tells.
+        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default that of the path's name.
         bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
             number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
             faults.
@@ -120,7 +120,7 @@ def read_points(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format; by default what the path's name tells.
+        suffix: suffix or name of the format; by default that of the path's name.
         columns: names of the columns of a text file, as in `read_cloud`; other files are read without them.
 
     Raises:

@@ -78,7 +78,7 @@ def test_every_array_with_a_row_for_each_point_is_a_column(tmp_path):
 
 
 def test_an_only_array_gives_the_points(tmp_path):
-    np.savez(tmp_path / "a.npz", felt=POINTS)
+    np.savez(tmp_path / "a.npz", touched=POINTS)
     assert read_cloud(tmp_path / "a.npz").points.tolist() == POINTS.tolist()
 
 
