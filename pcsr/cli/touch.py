@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pcsr.cli.options import FILE, OUTPUT_FOLDER, complete_part, plugin_option
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, columns_option, complete_part, plugin_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -75,9 +75,7 @@ def _complete_option(option: str) -> "Callable[[click.Context, click.Parameter, 
     default=None,
     help="Format of the cloud, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …  [default: by the suffix]",
 )
-@click.option(
-    "--columns", default=None, metavar="NAMES", help="Names of the columns of a text cloud: -,x,y,z. - leaves one out."
-)
+@columns_option
 @click.option(
     "--source",
     default="digit",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, columns_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -56,9 +56,7 @@ SUFFIXES = (".html", ".htm", ".png")
     help="Format of a pipe and of files whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …  "
     "[default: ply for pipes and files without a suffix]",
 )
-@click.option(
-    "--columns", default=None, metavar="NAMES", help="Names of the columns of text files: -,x,y,z. - leaves one out."
-)
+@columns_option
 def view(
     clouds: tuple[Path, ...],
     out: Path | None,

@@ -1,22 +1,17 @@
 """Text whose columns are named, guessed, given or damaged: each is what its name says, or the file is refused."""
 
 import re
-import warnings
 
 import numpy as np
 import pytest
 
-from pcsr import PcsrWarning, UserError
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, read_points
+from pcsr import UserError
+from pcsr.clouds.formats import cloud_bytes, read_cloud, read_points
+from tests.clouds.reading import read_with_notes
 
 
 def read(text, suffix=".xyz", **options):
-    """The cloud, and what was said about it."""
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        cloud = read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it", **options)
-    assert all(each.category is PcsrWarning and str(each.message).startswith("it: ") for each in said)
-    return cloud, [str(each.message)[4:] for each in said]
+    return read_with_notes(text, suffix, **options)
 
 
 def found(cloud):

@@ -6,14 +6,15 @@ import trimesh
 
 from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes, read_cloud
 from pcsr.clouds.meshes import read_mesh
+from tests.clouds.reading import read_cloud_bytes
 
 BOX = trimesh.creation.box((1, 2, 3))
 
 
 def read(text, suffix):
-    return read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it")
+    return read_cloud_bytes(text, suffix)
 
 
 def found(cloud):

@@ -1,12 +1,10 @@
 """PTX: scans with poses, in one frame."""
 
-import warnings
-
 import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.clouds.formats import read_cloud_bytes
+from tests.clouds.reading import read_with_notes
 
 ROTATION = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
 ROWS = np.array([[1, 2, 3, 0.5], [0, 0, 0, 0], [4, 5, 6, 0.25], [7, 8, 9, 1]])
@@ -22,10 +20,7 @@ def scan(rows, rotation=ROTATION, shift=(10, 20, 30), size=None, *, of_columns=F
 
 
 def read(text):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        cloud = read_cloud_bytes(text.encode(), ".ptx", "it")
-    return cloud, [str(each.message)[4:] for each in said]
+    return read_with_notes(text, ".ptx")
 
 
 MOVED = "its points are in the common frame, by the transformations in its headers"

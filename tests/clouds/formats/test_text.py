@@ -5,12 +5,13 @@ from hypothesis import strategies as st
 
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes
 from pcsr.clouds.formats.text import read_csv, read_xyz
+from tests.clouds.reading import read_cloud_bytes
 
 
 def read(text, suffix=".xyz"):
-    return read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it")
+    return read_cloud_bytes(text, suffix)
 
 
 def found(cloud):
