@@ -12,7 +12,12 @@ from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Failure
-from tests.saved_weights import recipe, refusal
+from tests.saved_weights import recipe, refusal, save
+
+
+@pytest.fixture
+def saved(tmp_path):
+    return save(tmp_path)
 
 
 def brought(owner, version, kind="fusion", name=None, registry=None):
