@@ -75,6 +75,7 @@ WHOLE = scan(ROWS)
         (WHOLE.rpartition("7 8 9")[0], "it is cut off: 3 of 4 points are there from line 11 on"),
         (WHOLE[:20], "line 5 of the file should be"),
         (WHOLE + WHOLE[:4], "line 17 of the file should be"),
+        (scan(np.ones((2, 5000))), "it has 5000 columns, and 4096 are the most: remove some"),
         (scan(ROWS, size=(2.5, 2)), "lines 1 and 2 hold 2.5 and 2, no numbers of columns and rows"),
         (scan(ROWS, size=(-2, -2)), "lines 1 and 2 hold -2 and -2, no numbers of columns and rows"),
         (scan(ROWS, size=(10**9, 10**9)), "it is cut off: 4 of 10*0 points are there"),
