@@ -6,7 +6,7 @@ import pytest
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes
-from tests.clouds.reading import read_with_notes
+from tests.clouds.reading import read_cloud_bytes, read_with_notes
 
 
 def read(text):
@@ -78,3 +78,12 @@ def test_colours_are_written_from_0_to_255(colour, expected):
 def test_columns_that_the_format_lacks_are_refused(names):
     with pytest.raises(UserError, match=r"a \.pts holds points, an intensity and complete colours, .*: write a \.ply"):
         cloud_bytes(Cloud(np.zeros((1, 3)), {name: np.zeros(1) for name in names}), ".pts")
+
+
+@pytest.mark.parametrize("width", [4, 5, 7])
+def test_given_names_replace_those_of_the_format(width):
+    text = "".join(" ".join(str(start + i) for i in range(width)) + "\n" for start in (10, 20))
+    cloud = read_cloud_bytes(text, ".pts", columns="-,x,y,z")
+    assert cloud.points.tolist() == [[11, 12, 13], [21, 22, 23]]
+    assert cloud.columns == {}
+    assert read_cloud_bytes(text, ".pts", columns="x,y,z").columns == {}
