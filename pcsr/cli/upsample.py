@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE, PLUGIN, jobs_option
+from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
 from pcsr.errors import PcsrWarning, UserError
 
 if TYPE_CHECKING:
@@ -51,12 +51,7 @@ PIPE = Path("-")
     help="Treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far outliers. "
     "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
 )
-@click.option(
-    "--columns",
-    default=None,
-    metavar="NAMES",
-    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
-)
+@columns_option
 @click.option(
     "--format",
     "suffix",
