@@ -29,7 +29,7 @@ class LocalFrameBackbone(Backbone):
     def forward(self, points: Points, features: Features) -> Features:
         """Refine the features."""
         frames = LocalFrames.of(points, self.neighbours)
-        edges = frames.edges()
+        edges = frames.edges
         for norm, convolution, mlp in zip(self.norms, self.convolutions, self.mlps, strict=True):
             features = features + mlp(convolution(norm(features), frames, edges))
         return features

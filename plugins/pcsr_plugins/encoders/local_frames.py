@@ -23,5 +23,5 @@ class LocalFrameEncoder(Encoder):
     def forward(self, points: Points) -> Features:
         """Encode each point's neighbourhood."""
         frames = LocalFrames.of(points, self.neighbours)
-        features: Features = self.layer(frames.rough, frames, frames.edges())
+        features: Features = self.layer(frames.rough, frames, frames.edges)
         return torch.relu(features)

@@ -63,7 +63,7 @@ class EdgeOffsets(Upsampler):
         """The points themselves, and `surplus`·rate·n displaced candidates, or a few more."""
         frames = LocalFrames.of(points, self.neighbours)
         around = frames.around(self.spokes)
-        index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges()))
+        index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges))
         known = self.here(features).unsqueeze(2) + gather(self.there(features), index) + self.edge(edges)
         up, neighbour_normals = frames.normal.unsqueeze(2), gather(frames.normal, index)
         unit, rough = frames.unit.unsqueeze(2), frames.rough.unsqueeze(2)

@@ -18,7 +18,7 @@ def close(a, b, atol=1e-9):
 def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
     points = curved(1, n)
     frames = LocalFrames.of(points, neighbours)
-    edges = frames.edges()
+    edges = frames.edges
     k = min(neighbours, n - 1)
     assert edges.shape == (2, n, k, SCALARS)
     for b, row in enumerate(points):
@@ -52,7 +52,7 @@ def test_the_normal_of_a_plane_is_exact():
 
 def test_an_edge_between_very_different_spacings_is_bounded():
     points = torch.cat([1e-5 * torch.randn(1, 20, 3), torch.randn(1, 20, 3)], 1)
-    log_ratio = LocalFrames.of(points, 25).edges()[..., 4]
+    log_ratio = LocalFrames.of(points, 25).edges[..., 4]
     assert log_ratio.abs().max() == 3
 
 
@@ -60,12 +60,12 @@ def test_an_edge_between_very_different_spacings_is_bounded():
 def test_points_that_coincide_or_lie_on_a_line_have_frames(points):
     frames = LocalFrames.of(points, 16)
     assert (frames.unit >= LEAST).all()
-    assert frames.edges().isfinite().all()
+    assert frames.edges.isfinite().all()
     close(frames.normal.norm(dim=-1), torch.ones(points.shape[:2]), 1e-5)
 
 
 def test_frames_have_no_gradient():
-    assert not LocalFrames.of(curved().requires_grad_(), 8).edges().requires_grad
+    assert not LocalFrames.of(curved().requires_grad_(), 8).edges.requires_grad
 
 
 def test_a_single_point_has_no_neighbourhood():
