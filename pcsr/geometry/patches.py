@@ -14,6 +14,9 @@ from torch import Tensor
 
 from pcsr.geometry.frames import principal_axes
 
+AROUND = 2
+"""The margin of a patch is chosen among so many times as many points around its core as the patch has."""
+
 
 @dataclass(frozen=True)
 class Patch:
@@ -38,8 +41,10 @@ def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[
         return
     tree = cKDTree(points)
     for cell in cells(points, core):
-        nearest = tree.query(points[cell].mean(0), k=size)[1]
-        margin = nearest[~np.isin(nearest, cell)][: size - len(cell)]
+        around = tree.query(points[cell].mean(0), k=min(AROUND * size, len(points)))[1]
+        around = around[~np.isin(around, cell)]
+        distance = cKDTree(points[cell]).query(points[around])[0]
+        margin = around[np.lexsort((np.arange(len(around)), distance))[: size - len(cell)]]
         yield Patch(np.concatenate([cell, margin]), len(cell))
 
 

@@ -27,6 +27,8 @@ GROWTH = 4.0
 """Largest growth of the cloud in one pass, if the source generates any number of candidates."""
 RATE, LAST_RATE = 4, 8
 """Candidates for each point then: few, which lie well, before the last pass; many to choose from in the last."""
+CORE = 0.55
+"""Largest core of a patch, as a share of its points."""
 GAP = 2.0
 """A touched point closer to the cloud than `GAP` local spacings lies in a gap of the cloud, and needs no warning."""
 ALONE = WorkerPool(None, 1)
@@ -170,7 +172,7 @@ def _tasks(
     cores: deque[int],
 ) -> Iterator[Task]:
     before = 0
-    for patch in patches(cloud, source.size, source.size // 2):
+    for patch in patches(cloud, source.size, round(CORE * source.size)):
         points = cloud[patch.rows]
         share = (before + patch.core) * plan.new // len(cloud) - before * plan.new // len(cloud)
         before += patch.core

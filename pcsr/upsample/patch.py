@@ -17,6 +17,9 @@ from pcsr.upsample.rejection import few_each, isolation, on_planes
 from pcsr.upsample.selection import pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
 
+BORDER = 2.0
+"""Candidates at points of the margin compete if these are no more than `BORDER` spacings from the core."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -57,12 +60,15 @@ def fill(source: Candidates, task: Task) -> CloudArray:
     touched = touched_ones(candidates, touches)
     kept, distance, nearest = within_reach(candidates, cloud, unit)
     kept[len(along) :] &= (touched | ~wire[nearest])[len(along) :]
+    competing = _competing(points, task.core, unit)
+    kept &= competing[nearest]
     candidates, touched, distance, nearest = candidates[kept], touched[kept], distance[kept], nearest[kept]
     kept = touched | _kept(candidates, nearest, touched, cloud, unit, normals, task)
 
-    candidates = np.concatenate([points[~fixed], candidates[kept]])
-    touched = np.concatenate([touched_ones(points[~fixed], touches), touched[kept]])
-    nearest = np.concatenate([np.flatnonzero(~fixed), nearest[kept]])
+    free = ~fixed & competing
+    candidates = np.concatenate([points[free], candidates[kept]])
+    touched = np.concatenate([touched_ones(points[free], touches), touched[kept]])
+    nearest = np.concatenate([np.flatnonzero(free), nearest[kept]])
     away = distance[kept] if fixed.all() else cKDTree(points[fixed]).query(candidates)[0] if fixed.any() else None
     chosen = spread_out(candidates, away, nearest < task.core, task.count, pattern(cloud, unit)[nearest])
     new = candidates[chosen]
@@ -70,6 +76,14 @@ def fill(source: Candidates, task: Task) -> CloudArray:
         predicted = ~touched[chosen]
         new[predicted] = Quadrics.fit(cloud, unit).displaced(new[predicted])
     return frame.denormalize(np.concatenate([new, between(cloud, task.core, task.count - len(new))]))
+
+
+def _competing(points: CloudArray, core: int, unit: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return the points whose candidates compete: those of the core, and those next to it."""
+    competing = np.ones(len(points), bool)
+    if core < len(points):
+        competing[core:] = cKDTree(points[:core]).query(points[core:])[0] <= BORDER * unit[core:]
+    return competing
 
 
 def _kept(

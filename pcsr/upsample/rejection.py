@@ -24,7 +24,7 @@ def isolation(
         some: indices of the candidates that it is computed for, (s).
         unit: the spacing of the cloud near each of them, (s).
     """
-    distance = cKDTree(candidates).query(candidates[some], k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
+    distance = cKDTree(candidates, balanced_tree=False).query(candidates[some], k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
     isolated: Float[np.ndarray, " s"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
     return isolated
 
