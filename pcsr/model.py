@@ -96,7 +96,7 @@ class Model:
                 the output and makes the new points as if they were not there.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
-            advance: called with the number of processed points and the number of all points.
+            advance: called with the number of points processed and the number of all, summed over the passes.
 
         Returns:
             A cloud of the same kind, in the same frame and unit. Colours, normals and other columns of the new points

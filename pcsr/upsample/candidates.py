@@ -131,8 +131,8 @@ def _keep_freed_memory() -> None:
     It returns large freed blocks to the system, and gets them back page by page, which took a third of the network's
     time; up to the largest block that was ever freed, at most 32 MiB, it keeps them.
     """
-    del_ = torch.empty(BLOCK, dtype=torch.uint8)  # never written, so that it takes no memory
-    del del_
+    block = torch.empty(BLOCK, dtype=torch.uint8)  # never written, so that it takes no memory
+    del block
 
 
 def _touch_points(source: PartSpec) -> int:

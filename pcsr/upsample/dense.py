@@ -6,6 +6,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +40,8 @@ ALONE = WorkerPool(None, 1)
 class Pass:
     """One pass over a cloud."""
 
+    points: int
+    """Number of points of the cloud before it."""
     new: int
     """Number of new points."""
     fixed: int
@@ -78,7 +81,8 @@ def densify(
             plate apart.
         keep: whether the old points are part of the result.
         pool: processes that work on the patches.
-        advance: called after each patch with the number of points processed and the number of all points.
+        advance: called after each patch with the number of points processed in this pass and those before, and their
+            number in all passes.
 
     Returns:
         The new points. Touched points in regions without cloud points come first; the order of the others follows the
@@ -108,23 +112,30 @@ def densify(
         cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
     if normals is None:
         normals = np.zeros((n, 3))
-    one_pass = functools.partial(_one_pass, source=source, touches=touches, pool=pool, advance=advance)
-    start, growth = n, (n + new if keep else new) / n
-    count = _passes(growth, source, keep)
-    for number in range(1, count):
-        step = round(start * growth ** (number / count)) - n
-        rate = RATE if source.any_rate else source.rate
-        added = one_pass(cloud, normals, Pass(step, n, rate))
-        cloud, n = np.concatenate([cloud, added]), n + step
-    rate = LAST_RATE if source.any_rate else source.rate
-    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate)))
+    done, passes = 0, _passes(n, new, source, keep)
+    total = sum(plan.points for plan in passes)
+    for plan in passes:
+        added, at = np.zeros((plan.new, 3)), 0
+        for filled, core in _filled(cloud, normals, plan, source, touches, pool):
+            added[at : at + len(filled)] = filled
+            at, done = at + len(filled), done + core
+            advance(done, total)
+        if plan is passes[-1]:
+            parts.append(added)
+        else:
+            cloud = np.concatenate([cloud, added])
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
-def _passes(growth: float, source: Candidates, keep: bool) -> int:
-    """Return the number of passes: the fewest with which none exceeds the growth that suits the source."""
+def _passes(points: int, new: int, source: Candidates, keep: bool) -> list[Pass]:
+    """Return the passes over a cloud: the fewest with which none exceeds the growth that suits the source."""
+    growth = max(1.0, (points + new if keep else new) / points)
     most = GROWTH if source.any_rate else source.rate + keep
-    return max(1, math.ceil(math.log(growth) / math.log(most) - 1e-9))
+    count = max(1, math.ceil(math.log(growth) / math.log(most) - 1e-9))
+    sizes = [round(points * growth ** (number / count)) for number in range(count)]
+    rate, last_rate = (RATE, LAST_RATE) if source.any_rate else (source.rate, source.rate)
+    before = [Pass(size, larger - size, size, rate) for size, larger in pairwise(sizes)]
+    return [*before, Pass(sizes[-1], new, points if keep else 0, last_rate)]
 
 
 def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
@@ -143,24 +154,18 @@ def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
     )
 
 
-def _one_pass(
+def _filled(
     cloud: CloudArray,
     normals: CloudArray,
     plan: Pass,
     source: Candidates,
     touches: Sequence[CloudArray],
     pool: WorkerPool,
-    advance: Callable[[int, int], None],
-) -> CloudArray:
-    done = at = 0
-    added = np.zeros((plan.new, 3))
+) -> Iterator[tuple[CloudArray, int]]:
+    """Yield the new points of each core in a pass, and the number of the core's points."""
     cores: deque[int] = deque()
     for filled in pool.map(functools.partial(fill, source), _tasks(cloud, normals, plan, source, touches, cores)):
-        added[at : at + len(filled)] = filled
-        at += len(filled)
-        done += cores.popleft()
-        advance(done, len(cloud))
-    return added
+        yield filled, cores.popleft()
 
 
 def _tasks(

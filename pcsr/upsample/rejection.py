@@ -24,14 +24,14 @@ def isolation(
         some: indices of the candidates that it is computed for, (s).
         unit: the spacing of the cloud near each of them, (s).
     """
-    distance = cKDTree(candidates, balanced_tree=False).query(candidates[some], k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
+    distance = cKDTree(candidates, balanced_tree=False).query(candidates[some], k=[min(AGREEING + 1, len(candidates))])[
+        0
+    ][:, 0]
     isolated: Float[np.ndarray, " s"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
     return isolated
 
 
-def few_each(
-    nearest: Int[np.ndarray, " c"], most: int, isolated: Float[np.ndarray, " c"]
-) -> Bool[np.ndarray, " c"]:
+def few_each(nearest: Int[np.ndarray, " c"], most: int, isolated: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
     """Return which candidates remain if each point may have no more than `most`, the least isolated.
 
     Args:

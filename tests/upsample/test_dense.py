@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import UserError
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
+from pcsr.upsample.dense import CORE
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import worker_pool
 
@@ -69,7 +70,7 @@ def test_no_seams_show():
     from pcsr.geometry.patches import patches
 
     owner = np.zeros(len(sheet), int)
-    for number, patch in enumerate(patches(sheet, 256, 128)):
+    for number, patch in enumerate(patches(sheet, 256, round(CORE * 256))):
         owner[patch.rows[: patch.core]] = number
     inner = (np.abs(whole[:, :2] - 0.5) < 0.45).all(1)
     places = whole[inner]
@@ -168,11 +169,15 @@ def test_more_processes_give_the_same_points():
     np.testing.assert_array_equal(densify(cloud, 2000, SMALL), other)
 
 
-def test_progress_ends_at_all_points():
+@pytest.mark.parametrize("rate", [3, 12])
+def test_progress_rises_over_all_passes_and_ends_at_the_total(rate):
     told = []
-    densify(bowl(300), 900, SMALL, advance=lambda done, total: told.append((done, total)))
-    assert told[-1] == (300, 300)
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    densify(bowl(300), rate * 300, SMALL, advance=lambda done, total: told.append((done, total)))
+    done, totals = zip(*told, strict=True)
+    assert list(done) == sorted(set(done)), "no pass starts again"
+    passes = 1 if rate == 3 else 2
+    expected = sum(round(300 * rate ** (number / passes)) for number in range(passes))
+    assert set(totals) == {done[-1]} == {expected}
 
 
 @pytest.mark.parametrize(
