@@ -1,5 +1,8 @@
 """LocalFrames: neighbourhoods by lengths and angles."""
 
+import gc
+import weakref
+
 import pytest
 import torch
 from torch.nn import functional as F
@@ -71,3 +74,29 @@ def test_frames_have_no_gradient():
 def test_a_single_point_has_no_neighbourhood():
     with pytest.raises(UserError, match="2 neighbours were asked of 1 points"):
         LocalFrames.of(torch.zeros(1, 1, 3), 16)
+
+
+def test_frames_of_a_tensor_are_fitted_once_and_again_when_it_changes():
+    points = curved()
+    frames = LocalFrames.of(points, 6)
+    assert LocalFrames.of(points, 6) is frames
+    assert LocalFrames.of(points, 5) is not frames
+    assert LocalFrames.of(points.clone(), 6) is not frames
+    points[..., 0] *= 3
+    assert not torch.equal(LocalFrames.of(points, 6).offsets, frames.offsets)
+
+
+def test_frames_of_inference_are_not_those_of_training():
+    points, layer = curved().float(), torch.nn.Linear(SCALARS, 1)
+    with torch.inference_mode():
+        LocalFrames.of(points, 6).edges  # noqa: B018
+    layer(LocalFrames.of(points, 6).edges).sum().backward()
+    assert layer.weight.grad is not None
+
+
+def test_frames_go_with_their_tensor():
+    points = curved()
+    frames = weakref.ref(LocalFrames.of(points, 6))
+    del points
+    gc.collect()
+    assert frames() is None
