@@ -49,7 +49,7 @@ def slow_way() -> Iterator[None]:
         mock.patch.multiple(patch, **{name: searching(getattr(patch, name)) for name in SEARCHING}),
         mock.patch.object(dense, "CORE", 0.5),
         mock.patch.object(LocalFrames, "of", LocalFrames._fit),
-        mock.patch.object(candidates, "_keep_freed_memory", lambda: None),
+        mock.patch.object(candidates, "_keep_freed_memory"),
     ):
         yield
 

@@ -6,6 +6,7 @@ where the neighbourhood is flat; elsewhere they may be details that the cloud is
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,10 @@ class Quadrics:
     """The local spacing at each point."""
     axes: Float[np.ndarray, "n 3 3"]
     """The normal and two tangents, as columns."""
-    coefficients: Float[np.ndarray, "n 6"]
-    residual: Float[np.ndarray, " n"]
-    """Standard deviation of the points around the quadric."""
-    flatness: Float[np.ndarray, " n"]
-    """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
+    variances: Float[np.ndarray, "n 3"]
+    """Sums of squares of the neighbourhood along the axes, around its mean; the smallest first."""
+    local: Float[np.ndarray, "n k 3"]
+    """Offsets to the neighbours along the axes."""
 
     @classmethod
     def fit(cls, cloud: Cloud, unit: Float[np.ndarray, " n"]) -> "Quadrics":
@@ -57,20 +57,41 @@ class Quadrics:
         offsets = (points[index] - points[:, None]) / unit[:, None, None]
         centred = offsets - offsets.mean(1, keepdims=True)
         variances, axes = np.linalg.eigh(centred.mT @ centred)
-        local = offsets @ axes
-        terms = _terms(local)
+        return cls(neighbours, unit, axes, variances, offsets @ axes)
+
+    @cached_property
+    def coefficients(self) -> Float[np.ndarray, "n 6"]:
+        """Coefficients of the terms 1, u, v, u², uv and v² of the tangential coordinates."""
+        terms = _terms(self.local)
         system = terms.mT @ terms + RIDGE * np.eye(TERMS)
-        coefficients = np.linalg.solve(system, terms.mT @ local[..., :1])
-        rest = local[..., :1] - terms @ coefficients
-        residual = np.sqrt(np.square(rest).sum((1, 2)) / (index.shape[1] - TERMS))
-        flatness = np.divide(variances[:, 0], variances[:, 1], out=np.ones(len(points)), where=variances[:, 1] > 0)
-        return cls(neighbours, unit, axes, coefficients[..., 0], residual, flatness)
+        solution: Float[np.ndarray, "n 6"] = np.linalg.solve(system, terms.mT @ self.local[..., :1])[..., 0]
+        return solution
+
+    @cached_property
+    def residual(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of the points around the quadric."""
+        rest = self.local[..., 0] - (_terms(self.local) @ self.coefficients[..., None])[..., 0]
+        return self._deviation(np.square(rest).sum(1))
+
+    @cached_property
+    def flatness(self) -> Float[np.ndarray, " n"]:
+        """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
+        least, second = self.variances[:, 0], self.variances[:, 1]
+        return np.divide(least, second, out=np.ones(len(least)), where=second > 0)
 
     def noisy(self) -> float:
         """Return how certain it is that the residuals are noise: 0 for a cloud without noise, or too sparse to tell."""
+        around_planes = self._deviation(np.maximum(self.variances[:, 0], 0))  # no quadric leaves more
+        if np.quantile(around_planes, 0.25) <= CLEAN[0]:
+            return 0.0
         lower, upper = np.quantile(self.residual, [0.25, 0.75])
         evidence = lower, upper / lower if lower > 0 else np.inf, np.median(self.flatness)
         return float(np.prod([_share(value, *bounds) for value, *bounds in zip(evidence, CLEAN, NOISY, strict=True)]))
+
+    def _deviation(self, squares: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the standard deviation that belongs to each sum of squared residuals."""
+        deviation: Float[np.ndarray, " n"] = np.sqrt(squares / (self.local.shape[1] - TERMS))
+        return deviation
 
     def displaced(self, new: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """Return new points displaced towards the quadric of the nearest point, as far as there is noise.

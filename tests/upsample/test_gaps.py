@@ -85,7 +85,7 @@ def test_fractions_keep_apart_and_below_a_half():
 def test_candidates_are_touched_points_up_to_single_precision():
     rng = np.random.default_rng(0)
     touch, others = rng.uniform(-1, 1, (2, 50, 3))
-    candidates = np.concatenate([touch.astype(np.float32), others, touch + [0, 0, 1e-5]])
+    candidates = np.concatenate([touch.astype(np.float32), others, touch + np.array([0, 0, 1e-5])])
     np.testing.assert_array_equal(touched_ones(candidates, [touch[:20], touch[20:]]), np.arange(150) < 50)
     assert not touched_ones(candidates, []).any()
     assert touched_ones(candidates[:0], [touch]).shape == (0,)

@@ -97,7 +97,7 @@ def test_touched_points_beside_stray_points_are_not_too_many():
 def test_touched_points_beside_a_wire_are_kept():
     angle = np.linspace(0, 20, 120)
     wire = np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), 0.8 * angle])
-    touch = wire[10:110:10] + [0, 0, 0.5]  # within reach, and on no chord
+    touch = wire[10:110:10] + np.array([0, 0, 0.5])  # within reach, and on no chord
     assert (off(wire, touch) < 1e-6).all()
 
 
