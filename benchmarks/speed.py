@@ -2,7 +2,8 @@
 
 python benchmarks/speed.py [MODEL] [--points 20000] [--rounds 3]
 
-The slow way differs as follows; it took the same time as the version before, within the scatter of a busy machine:
+The slow way differs as follows. Convolutions in place and quadrics that are not fitted stay, so the ratio is a lower
+bound of what was gained:
 
 - encoder, backbone and upsampler each fit the local frames of the cloud,
 - each step in a patch searches the neighbours again,

@@ -17,7 +17,7 @@ from pcsr.upsample.rejection import few_each, isolation, on_planes
 from pcsr.upsample.selection import pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
 
-BORDER = 2.0
+BORDER = 1.5
 """Candidates at points of the margin compete if these are no more than `BORDER` spacings from the core."""
 
 
