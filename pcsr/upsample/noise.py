@@ -77,7 +77,8 @@ class Quadrics:
     def flatness(self) -> Float[np.ndarray, " n"]:
         """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
         least, second = self.variances[:, 0], self.variances[:, 1]
-        return np.divide(least, second, out=np.ones(len(least)), where=second > 0)
+        ratio: Float[np.ndarray, " n"] = np.divide(least, second, out=np.ones(len(least)), where=second > 0)
+        return ratio
 
     def noisy(self) -> float:
         """Return how certain it is that the residuals are noise: 0 for a cloud without noise, or too sparse to tell."""

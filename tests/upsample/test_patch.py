@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
+from pcsr.upsample.patch import BORDER, _competing
 
 SOURCE = Midpoints(size=256, rate=16)
 
@@ -107,3 +108,12 @@ def test_a_dense_half_of_a_patch_stays_as_much_denser():
     cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 250), np.zeros(250)])
     new = densify(cloud, 1000, SOURCE)
     assert (new[:, 0] < 1).mean() == pytest.approx(0.8, abs=0.08)
+
+
+@pytest.mark.parametrize("core", [60, 400])
+def test_candidates_compete_at_points_of_the_core_and_those_next_to_it(core):
+    cloud = square(400)[square(400)[:, 0].argsort()]
+    competing = _competing(cloud, core, np.full(400, 0.05))
+    away = np.linalg.norm(cloud[:, None] - cloud[:core], axis=2).min(1)
+    np.testing.assert_array_equal(competing, away <= BORDER * 0.05)
+    assert competing.sum() == 400 if core == 400 else core < competing.sum() < 200
