@@ -1,0 +1,100 @@
+"""Estimate of the noise of a cloud, from the residuals of quadrics that are fitted to neighbourhoods."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+from scipy.special import gammaincinv
+
+from pcsr.threads import threads
+from pcsr.upsample.gaps import NEIGHBOURS
+from pcsr.upsample.local_fits import TERMS, LocalFits
+
+SIZES = ((16, 24), (32, 48), (64, 96))
+"""Numbers of points that quadrics are fitted to: the first pair whose neighbourhoods are wide beside the noise."""
+WIDE = 6.0
+"""Radius of a wide neighbourhood, in standard deviations of the noise."""
+QUANTILES = (0.05, 0.1)
+"""Quantiles of the residuals that are compared with those of noise. At edges and details, residuals are larger."""
+SAMPLE = 20_000
+"""Largest number of neighbourhoods, evenly spread over the rows."""
+BATCH = 2048
+"""Number of neighbourhoods that are fitted at once. It bounds the memory."""
+LEAST = 0.05
+"""Lower levels, in spacings, are not told from the details of a clean cloud."""
+GROWTH = 1.6
+"""Larger ratios of the levels of large and small neighbourhoods are due to details: noise has the same in both."""
+KURTOSIS = 2.25
+"""Smaller kurtosis of the residuals is due to thin sheets, on both sides of which points lie. That of noise is 2.5."""
+
+
+@threads(1)
+def noise_level(points: Float[np.ndarray, "n 3"]) -> float:
+    """Estimate the standard deviation of the noise across the surface.
+
+    In neighbourhoods without edges and details, the sum of the squared residuals divided by the variance of the noise
+    follows a chi-square distribution; in others it is larger. So each quantile of the sums gives an upper limit of the
+    noise, and the smallest limit is the estimate. It is 0 where the residuals are rather those of details: they grow
+    with the neighbourhood, or are on two sides as in thin sheets, or are tiny.
+
+    Args:
+        points: the cloud, (n 3), without duplicates. A sample is taken at equal steps of the rows, so that their order
+            should follow from the coordinates.
+
+    Returns:
+        The level in the unit of the cloud; 0 if there is none that can be told from details, or fewer than 24 points.
+    """
+    tree, level = cKDTree(points), 0.0
+    for small, large in SIZES:
+        if len(points) < large:
+            break
+        found = _Residuals.of(points, tree, small, large)
+        if level == 0 and found.of_details():
+            return 0.0
+        level = found.limits.min()
+        if np.pi * (WIDE * level / found.spacing) ** 2 <= small:  # about the number of points within that radius
+            break
+    return float(level)
+
+
+@dataclass(frozen=True)
+class _Residuals:
+    """Residuals of quadrics in small and large neighbourhoods of a sample of the points."""
+
+    spacing: float
+    """Median spacing of the points."""
+    limits: Float[np.ndarray, "2 q"]
+    """Upper limits of the noise from small and large neighbourhoods, for each of the quantiles."""
+    kurtosis: float
+    """Median kurtosis in large neighbourhoods."""
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "n 3"], tree: cKDTree, small: int, large: int) -> "_Residuals":
+        rows = np.unique(np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).round().astype(int))
+        spacing, kurtosis = np.zeros(len(rows)), np.full(len(rows), 3.0)
+        sums = np.zeros((2, len(rows)))
+        for start in range(0, len(rows), BATCH):
+            batch = slice(start, start + BATCH)
+            distance, index = tree.query(points[rows[batch]], k=large)
+            spacing[batch] = distance[:, 1 : NEIGHBOURS + 1].mean(1)
+            offsets = points[index] - points[rows[batch], None]
+            for number, count in enumerate((small, large)):
+                squares = LocalFits.of(offsets[:, :count]).residual ** 2
+                sums[number, batch] = squares.sum(1)
+            mean = squares.mean(1)
+            np.divide((squares**2).mean(1), mean**2, out=kurtosis[batch], where=mean > 0)
+        limits = np.stack([_limits(each, count) for each, count in zip(sums, (small, large), strict=True)])
+        return cls(float(np.median(spacing)), limits, float(np.median(kurtosis)))
+
+    def of_details(self) -> bool:
+        """Return whether the residuals are rather those of details than noise."""
+        grows = self.limits[1, -1] > GROWTH * self.limits[0, -1]
+        return bool(self.limits.min() < LEAST * self.spacing or grows or self.kurtosis < KURTOSIS)
+
+
+def _limits(sums: Float[np.ndarray, " n"], count: int) -> Float[np.ndarray, " q"]:
+    """Return the noise with which each of the quantiles of the sums would be as it is."""
+    chi_square = 2 * gammaincinv((count - TERMS) / 2, QUANTILES)
+    limits: Float[np.ndarray, " q"] = np.sqrt(np.quantile(sums, QUANTILES) / chi_square)
+    return limits
