@@ -22,6 +22,7 @@ from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
+from pcsr.upsample.denoised_cloud import denoise_cloud
 from pcsr.upsample.dense import densify
 from pcsr.weights import DEFAULT
 from pcsr.weights.find import find
@@ -75,6 +76,7 @@ class Model:
         keep: bool = True,
         fields: Sequence[str] = (),
         bad: Bad = "refuse",
+        denoise: bool | float = False,
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -94,6 +96,8 @@ class Model:
             bad: treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far
                 outliers. "refuse" raises an error, "drop" removes them and copies of duplicates, "keep" keeps them in
                 the output and makes the new points as if they were not there.
+            denoise: move the input points onto the surface before new ones are made: the standard deviation of the
+                noise in the unit of `points`, or True to estimate it. Without noise nothing moves. Touches stay.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
             advance: called with the number of processed points and the number of all points.
@@ -104,7 +108,7 @@ class Model:
 
         Raises:
             UserError: points are too few, faulty or all equal, touches are far from the cloud, the number of output
-                points is out of range, or a field is unknown or has no place in a cloud of this kind.
+                points or the noise is out of range, or a field is unknown or has no place in a cloud of this kind.
 
         Warns:
             PcsrWarning: points were dropped or not used, or touched points lie where the cloud has no points.
@@ -121,6 +125,9 @@ class Model:
         _check_fields(fields, points if screened is None else screened.cloud)
         given = convert(points if screened is None else screened.cloud)
         screened = screen(given.cloud, bad) if screened is None else screened
+        if denoise is not False:
+            with worker_pool(jobs, scheduler) as workers:
+                screened, _ = denoise_cloud(screened, denoise, pool=workers)
         cloud = screened.points
         unused = len(screened.used) - len(cloud) if keep else 0
         wanted = _count(len(cloud), unused, rate, count)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pcsr.cli import streams
+from pcsr.cli.denoising import DENOISE, DenoisingCommand, denoised
 from pcsr.cli.options import FILE, PLUGIN, jobs_option
 from pcsr.errors import PcsrWarning, UserError
 
@@ -20,13 +21,14 @@ if TYPE_CHECKING:
 PIPE = Path("-")
 
 
-@click.command()
+@click.command(cls=DenoisingCommand)
 @click.argument("cloud", type=FILE, metavar="IN")
 @click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="File of the dense cloud; - for a pipe.")
 @click.option("--rate", type=float, default=None, help="Output points per input point, 1.1 to 64.  [default: 4]")
 @click.option(
     "--points", "count", type=click.IntRange(1), default=None, help="Number of output points, instead of a rate."
 )
+@DENOISE
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
@@ -81,6 +83,7 @@ def upsample(
     out: Path,
     rate: float | None,
     count: int | None,
+    denoise: bool | float | None,
     touch: Path | None,
     model: str | None,
     mesh: Path | None,
@@ -97,9 +100,9 @@ def upsample(
 ) -> None:
     """Make a cloud dense and write it.
 
-    Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
-    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57, STL, GLB and OFF can be read too,
-    and KITTI, nuScenes and COLMAP by --format.
+    Frame and unit stay. The input points are kept, where they are unless --denoise is given. New points get colours and
+    other columns from their neighbours. The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57,
+    STL, GLB and OFF can be read too, and KITTI, nuScenes and COLMAP by --format.
     """
     import time
 
@@ -142,6 +145,9 @@ def upsample(
             click.echo(f"touch {name} is skipped: {reason}", err=True)
     from pcsr.model import load  # imports torch, so mistakes in files are reported first
 
+    if denoise is not None:
+        jobs_then = jobs or _jobs(len(given.points), device)
+        given = denoised(given, denoise, jobs=jobs_then, scheduler=scheduler, console=console, quiet=quiet)
     with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
         device_name = _device(device)
         try:

@@ -51,10 +51,9 @@ class LocalFits:
         unit = np.sqrt(np.square(across).sum(0).mean(1, keepdims=True))
         u, v = (np.divide(one, unit, out=np.zeros_like(one), where=unit > 0) for one in across)
         terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
-        fitted = chosen
-        for turn in range(ROUNDS if level < np.inf else 1):
-            if turn:
-                fitted = chosen & (np.abs(residual) < CUT * level)
+        fitted, residual = chosen, np.zeros(chosen.shape)
+        for _ in range(ROUNDS if level < np.inf else 1):
+            fitted = chosen & (np.abs(residual) < CUT * level)
             weighted = (terms * fitted[..., None]).mT
             inverse = np.linalg.inv(weighted @ terms + RIDGE * np.eye(TERMS))
             coefficients = inverse @ (weighted @ height[..., None])

@@ -25,8 +25,9 @@ LEAST = 0.05
 """Lower levels, in spacings, are not told from the details of a clean cloud."""
 GROWTH = 1.6
 """Larger ratios of the levels of large and small neighbourhoods are due to details: noise has the same in both."""
-KURTOSIS = 2.25
-"""Smaller kurtosis of the residuals is due to thin sheets, on both sides of which points lie. That of noise is 2.5."""
+KURTOSIS = 2.45
+"""Smaller kurtosis of the residuals is due to thin sheets, on both sides of which points lie. That of Gaussian noise is
+2.6."""
 
 
 @threads(1)
