@@ -63,9 +63,7 @@ class Shape:
 def read(file: Path) -> list[Shape]:
     """The shapes of PU-GAN's file, as benchmarks/pugan.py reads it."""
     data = np.load(file)
-    meshes = [
-        trimesh.Trimesh(data[f"vertices_{name}"], data[f"faces_{name}"], process=False) for name in data["names"]
-    ]
+    meshes = [trimesh.Trimesh(data[f"vertices_{name}"], data[f"faces_{name}"], process=False) for name in data["names"]]
     clouds, truths = (data[key].astype(np.float64) for key in (f"input_{COUNT}", f"gt_{RATE * COUNT}"))
     return list(map(Shape.of, meshes, clouds, truths))
 
