@@ -79,12 +79,12 @@ def test_a_thin_wire_keeps_its_points():
     rng = np.random.default_rng(0)
     along = np.sort(rng.uniform(0, 200, 300))
     wire = np.column_stack([along, *(0.4 * np.array([np.cos(along * 7), np.sin(along * 7)]))])
-    cloud = np.concatenate([plane(900, 0.1), wire + [0, 0, 20]])
+    cloud = np.concatenate([plane(900, 0.1), wire + np.array([0, 0, 20])])
     assert np.linalg.norm(denoise(cloud, 0.1).points - cloud, axis=1)[900:].mean() < 0.1
 
 
 def test_sheets_one_spacing_apart_are_not_merged():
-    sheets = np.concatenate([plane(600, 0.05), plane(600, 0.05, 1) + [0, 0, 1]])
+    sheets = np.concatenate([plane(600, 0.05), plane(600, 0.05, 1) + np.array([0, 0, 1])])
     assert denoise(sheets).moved == 0
     height = denoise(sheets, 0.05).points[:, 2]
     assert ((height > 0.3) & (height < 0.7)).mean() < 0.01

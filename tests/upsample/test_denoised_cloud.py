@@ -41,5 +41,5 @@ def test_without_noise_the_cloud_is_the_same():
 
 @pytest.mark.parametrize("level", [0.0, -1.0, float("nan"), float("inf"), 1000.0])
 def test_a_level_that_is_none_is_refused(level):
-    with pytest.raises(UserError, match="--denoise .*standard deviation"):
+    with pytest.raises(UserError, match=r"--denoise .*standard deviation"):
         denoise_cloud(screen(Cloud(floor())), level)

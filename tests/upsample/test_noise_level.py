@@ -46,7 +46,7 @@ def test_details_that_are_too_small_for_the_points_are_no_noise():
 
 
 def test_thin_sheets_are_no_noise():
-    cloud = np.concatenate([surface("plane", 700), surface("plane", 700, 1) + [0, 0, 0.8]])
+    cloud = np.concatenate([surface("plane", 700), surface("plane", 700, 1) + np.array([0, 0, 0.8])])
     assert noise_level(sorted_rows(cloud)) == 0
 
 
