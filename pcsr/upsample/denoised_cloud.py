@@ -51,7 +51,7 @@ def denoise_cloud(
     return ScreenedCloud(replace(given.cloud, points=points), given.used), result
 
 
-def _checked(level: float, given: ScreenedCloud) -> float:
+def _checked(level: object, given: ScreenedCloud) -> float:
     """Return a level as a float.
 
     Raises:
@@ -59,8 +59,13 @@ def _checked(level: float, given: ScreenedCloud) -> float:
     """
     size = float(np.ptp(given.points, axis=0).max())
     remedy = "give the standard deviation of the noise in the cloud's unit, or none to have it estimated"
-    if not 0 < level < np.inf:
-        raise UserError(f"--denoise {level:g}: it must be more than 0: {remedy} (from Python: denoise=True)")
-    if level >= size:
-        raise UserError(f"--denoise {level:g}: the cloud is only {size:.4g} long: {remedy} (from Python: denoise=True)")
-    return float(level)
+    if isinstance(level, bool) or not isinstance(level, int | float | np.number):
+        raise UserError(f"denoise is {level!r}: it must be True, False or a number: {remedy} (denoise=True)")
+    number = float(level)
+    if not 0 < number < np.inf:
+        raise UserError(f"--denoise {number:g}: it must be more than 0: {remedy} (from Python: denoise=True)")
+    if number >= size:
+        raise UserError(
+            f"--denoise {number:g}: the cloud is only {size:.4g} long: {remedy} (from Python: denoise=True)"
+        )
+    return number

@@ -43,3 +43,9 @@ def test_without_noise_the_cloud_is_the_same():
 def test_a_level_that_is_none_is_refused(level):
     with pytest.raises(UserError, match=r"--denoise .*standard deviation"):
         denoise_cloud(screen(Cloud(floor())), level)
+
+
+@pytest.mark.parametrize("level", [None, "0.2", False, [0.2]])
+def test_what_is_no_number_is_refused(level):
+    with pytest.raises(UserError, match=r"denoise is .*a number"):
+        denoise_cloud(screen(Cloud(floor())), level)
