@@ -63,9 +63,7 @@ def _checked(level: object, given: ScreenedCloud) -> float:
         raise UserError(f"denoise is {level!r}: it must be True, False or a number: {remedy} (denoise=True)")
     number = float(level)
     if not 0 < number < np.inf:
-        raise UserError(f"--denoise {number:g}: it must be more than 0: {remedy} (from Python: denoise=True)")
+        raise UserError(f"--denoise {number:g}: it must be more than 0: {remedy} (denoise=True)")
     if number >= size:
-        raise UserError(
-            f"--denoise {number:g}: the cloud is only {size:.4g} long: {remedy} (from Python: denoise=True)"
-        )
+        raise UserError(f"--denoise {number:g}: the cloud is only {size:.4g} long: {remedy} (denoise=True)")
     return number
