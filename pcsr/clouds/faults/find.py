@@ -109,4 +109,5 @@ def counted(found: int, total: int, what: str) -> str:
 
 
 def shown(point: Float64[np.ndarray, "3"]) -> str:
+    """Format a point for a sentence."""
     return f"({', '.join(f'{number:.6g}' for number in point)})"
