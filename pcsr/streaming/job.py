@@ -2,6 +2,7 @@
 
 import datetime
 from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from pcsr.clouds.faults import Bad
 from pcsr.clouds.formats import check_finite_only
 from pcsr.clouds.formats.chunks import CHUNK, ChunkedCloud
 from pcsr.clouds.formats.row_writing import Rows, RowWriter, row_writer
-from pcsr.errors import UserError
+from pcsr.errors import RunError, UserError
 from pcsr.files import write_whole
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.model import Model, TouchesLike, candidates, output_count, touched_points
@@ -130,14 +131,22 @@ class Job:
         Args:
             pool: processes that work on the patches.
             advance: called with the number of points that are done, and of all.
+
+        Raises:
+            RunError: a process died, or the disk is full.
         """
-        done = 0
-        for index, (tile, new) in enumerate(self._shares()):
-            if not self.work.has(_result(tile)):
-                rows = self._filled(index, tile, new, pool, _Part(done, tile.count, self.cloud.plan.used, advance))
-                self.work.save(_result(tile), rows)
-            done += tile.count
-            advance(done, self.cloud.plan.used)
+        done, total = 0, self.cloud.plan.used
+        try:
+            for index, (tile, new) in enumerate(self._shares()):
+                if not self.work.has(_result(tile)):
+                    rows = self._filled(index, tile, new, pool, _Part(done, tile.count, total, advance))
+                    self.work.save(_result(tile), rows)
+                done += tile.count
+                advance(done, total)
+        except RunError as error:
+            if not isinstance(error.__cause__, BrokenProcessPool):
+                raise
+            raise RunError(f"{error}; what is finished is kept: run the same command again") from error
 
     def assemble(self, advance: Callable[[int, int], None]) -> None:
         """Write the result.
