@@ -142,7 +142,7 @@ def sort(cloud: ChunkedCloud, work: WorkFolder, most: int, bad: Bad, advance: Ca
     for sentence in sentences:
         warnings.warn(remark(name, sentence, bad, harmful=True), PcsrWarning, stacklevel=3)
     if copies.count:
-        what = "are copies of others" if copies.count > 1 else "is a copy of another"
+        what = "are copies of others" if copies.count > 1 else "are a copy of another"
         sentence = counted(copies.count, cloud.count, f"{what}, such as point {copies.row}, counted from 0")
         warnings.warn(remark(name, sentence, bad, harmful=False), PcsrWarning, stacklevel=3)
     kinds = asdict(column_kinds(joined([healthy, examples]).columns))

@@ -188,6 +188,25 @@ def test_what_cannot_be_done_is_said(cloud, count, said):
         densify(cloud, count, SMALL)
 
 
+@pytest.mark.parametrize("rate", [3, 40])
+def test_a_part_of_a_cloud_gets_new_points_and_the_rest_is_its_neighbourhood(rate):
+    cloud = bowl(400)
+    cloud = cloud[np.argsort(cloud[:, 0])]
+    new = densify(cloud, 200 * rate, SMALL, core=200)
+    assert len(new) == 200 * (rate - 1)
+    nearest = cKDTree(cloud).query(new)[1]
+    assert (nearest < 200).mean() > 0.98
+    other = densify(cloud[::-1], 200 * rate, SMALL, core=200)
+    whole = densify(cloud, 400 * rate, SMALL)
+    between = cloud[199:201, 0].mean()
+    counts = [(np.abs(each[:, 0] - between) < 0.15).sum() for each in (np.concatenate([new, other]), whole)]
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)
+
+
+def test_a_part_that_is_the_whole_cloud_is_no_other_case():
+    np.testing.assert_array_equal(densify(bowl(200), 1700, SMALL, core=200), densify(bowl(200), 1700, SMALL))
+
+
 def test_points_on_a_line_and_copies_are_no_trouble():
     line = np.outer(np.linspace(0, 1, 40), [1.0, 2.0, 3.0])
     new = densify(line, 160, SMALL)
