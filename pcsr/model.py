@@ -197,10 +197,19 @@ def candidates(model: Model, *, alone: bool) -> Candidates:
     return Stored(model.path.resolve(), model.plugins, source.size, source.rate, source.any_rate)
 
 
-def _check_fields(fields: Sequence[str], points: Any) -> None:
+def check_fields(fields: Sequence[str]) -> None:
+    """Check the names of further columns of the result.
+
+    Raises:
+        UserError: a field is unknown.
+    """
     for name in fields:
         if name not in FIELDS:
             raise UserError(f"field {name!r} is unknown: fields are {', '.join(FIELDS)}")
+
+
+def _check_fields(fields: Sequence[str], points: Any) -> None:
+    check_fields(fields)
     if fields and not isinstance(points, Cloud):
         kind = type(points).__name__
         raise UserError(f"field '{fields[0]}' is a column, which a {kind} cannot hold: give a pcsr.clouds.cloud.Cloud")

@@ -120,10 +120,9 @@ class Job:
         Raises:
             RunError: it has not.
         """
-        rest = self.written
-        for tile, new in self._shares():
-            rest += 0 if self.work.has(_result(tile)) else new
-        check_room(self.work.path, rest * self.writer.row_size)
+        rest = self.written + sum(new for tile, new in self._shares() if not self.work.has(_result(tile)))
+        self.work.needed = rest * self.writer.row_size
+        check_room(self.work)
 
     def upsample(self, pool: WorkerPool, advance: Callable[[int, int], None]) -> None:
         """Upsample each tile that is not done yet, and save its new points.

@@ -4,16 +4,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import get_args
+
+import numpy as np
 
 from pcsr.clouds.faults import Bad
 from pcsr.clouds.formats import writable
 from pcsr.clouds.formats.chunks import CHUNKED, open_chunks
 from pcsr.errors import UserError
-from pcsr.model import Model, TouchesLike
+from pcsr.model import Model, TouchesLike, check_fields, output_count
 from pcsr.streaming.fingerprint import command_of
 from pcsr.streaming.job import Job, Request
 from pcsr.streaming.sorting import Plan, sort
-from pcsr.streaming.work_folder import WorkFolder, full_disk_explained
+from pcsr.streaming.stored import packed
+from pcsr.streaming.work_folder import WorkFolder, check_room, full_disk_explained
 from pcsr.workers import worker_pool
 
 RATE = 4
@@ -93,8 +97,12 @@ def upsample_file(
         >>> upsample_file(pcsr.load("midpoint"), Path("scan.npy"), Path("dense.npy"), rate=2, tile=600)
         Streamed(given=1000, written=2000)
     """
+    check_fields(fields)
+    if bad not in get_args(Bad):
+        raise UserError(f"bad is '{bad}': it must be refuse, drop or keep")
     writable(target)
     cloud = open_chunks(source, suffix)
+    output_count(cloud.count, 0, rate, count)  # before the work, not after it
     if target.suffix.lower() not in CHUNKED:
         raise UserError(
             f"{target}: a {target.suffix} file cannot be written in parts: name a {', '.join(CHUNKED)} file"
@@ -104,10 +112,14 @@ def upsample_file(
     growth = rate or (count or RATE * cloud.count) / cloud.count
     command = command_of(model, source, touches, rate=rate, count=count, keep=keep, fields=fields, bad=bad, tile=tile)
     work = WorkFolder(target)
-    with work.opened(command), full_disk_explained(work.path):
+    with work.opened(command), full_disk_explained(work):
         saved = work.plan()
-        most = max(1, min(tile, int(MOST_NEW / growth)))
-        plan = sort(cloud, work, most, bad, partial(advance, "sorting")) if saved is None else Plan.of(saved)
+        if saved is None:
+            work.needed = cloud.count * packed(next(cloud.chunks(1)), np.zeros(1, np.int64)).itemsize
+            check_room(work)
+            plan = sort(cloud, work, max(1, min(tile, int(MOST_NEW / growth))), bad, partial(advance, "sorting"))
+        else:
+            plan = Plan.of(saved)
         job = Job.of(model, cloud, work, plan, target, Request(rate, count, keep, tuple(fields), bad), touches)
         job.check_room()
         with worker_pool(jobs, scheduler) as pool:

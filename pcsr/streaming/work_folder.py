@@ -5,6 +5,7 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from glob import escape
 from io import BufferedWriter
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,10 @@ class WorkFolder:
     """
 
     def __init__(self, target: Path) -> None:
+        self.target = target
         self.path = target.with_name(target.name + SUFFIX)
+        self.needed = 0
+        """Bytes that the work still takes on the disk, about."""
 
     @contextmanager
     def opened(self, command: Mapping[str, Any]) -> Iterator[None]:
@@ -48,6 +52,7 @@ class WorkFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         with (self.path / LOCK).open("w") as lock:
             _lock(lock, self.path)
+            self._remove_halves()
             if about.is_file():
                 _check_same(json.loads(about.read_text(encoding="utf-8")), command, self.path)
             else:
@@ -60,6 +65,12 @@ class WorkFolder:
             if path.name != ABOUT:  # last, so that the folder is known as one of pcsr's until then
                 path.unlink(missing_ok=True)
         shutil.rmtree(self.path, ignore_errors=True)
+
+    def _remove_halves(self) -> None:
+        """Remove the temporary files of `write_whole` that a killed process left behind."""
+        for folder, name in ((self.target.parent, escape(self.target.name)), (self.path, "*")):
+            for path in folder.glob(f".{name}.*.part"):
+                path.unlink(missing_ok=True)
 
     def _is_new(self) -> bool:
         """Return whether the folder is empty, or was left before its first file was written."""
@@ -120,11 +131,8 @@ class WorkFolder:
 
 
 @contextmanager
-def full_disk_explained(folder: Path) -> Iterator[None]:
-    """Say what to do if the disk becomes full in a block.
-
-    Args:
-        folder: folder whose disk is written to.
+def full_disk_explained(work: WorkFolder) -> Iterator[None]:
+    """Say how much room is needed, if the disk becomes full in a block.
 
     Raises:
         RunError: the disk is full.
@@ -135,23 +143,21 @@ def full_disk_explained(folder: Path) -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, RunError) else error
         if not (isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT)):
             raise
-        raise RunError(f"the disk of {folder} is full: {AGAIN}") from error
+        raise RunError(
+            f"the disk of {work.path} is full, and up to {gigabytes(work.needed)} more are written there: {AGAIN}"
+        ) from error
 
 
-def check_room(folder: Path, needed: int) -> None:
-    """Check that a disk has room.
-
-    Args:
-        folder: folder whose disk will be written to.
-        needed: number of bytes.
+def check_room(work: WorkFolder) -> None:
+    """Check that the disk has room for the rest of the work.
 
     Raises:
         RunError: it has less.
     """
-    free = shutil.disk_usage(folder).free
-    if free < needed:
+    free = shutil.disk_usage(work.path).free
+    if free < work.needed:
         raise RunError(
-            f"the disk of {folder} has {gigabytes(free)} free, and {gigabytes(needed)} more will be written there: "
+            f"the disk of {work.path} has {gigabytes(free)} free, and {gigabytes(work.needed)} more are written there: "
             f"{AGAIN}"
         )
 

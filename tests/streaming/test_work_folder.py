@@ -1,6 +1,8 @@
 """The folder of unfinished work: of one command, for one process, and whole files only."""
 
 import errno
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -55,13 +57,28 @@ def test_a_folder_of_someone_else_is_left_alone(tmp_path):
     assert (tmp_path / "out.ply.parts" / "thesis.tex").read_text() == "years of work"
 
 
-def test_a_full_disk_is_explained(tmp_path):
+def test_a_full_disk_is_explained(tmp_path, monkeypatch):
+    work = WorkFolder(tmp_path / "out.ply")
+    work.needed = 3_000_000_000
     for error in (OSError(errno.ENOSPC, "No space left on device"), OSError(errno.EDQUOT, "Quota exceeded")):
-        again = "is full: free some space, and run the same command again"
-        with pytest.raises(RunError, match=again), full_disk_explained(tmp_path):
+        again = r"out\.ply\.parts is full, and up to 3 GB more are written there: free some space, and run the same"
+        with pytest.raises(RunError, match=again), full_disk_explained(work):
             raise error
-    with pytest.raises(OSError, match="denied"), full_disk_explained(tmp_path):
+    with pytest.raises(OSError, match="denied"), full_disk_explained(work):
         raise OSError(errno.EACCES, "denied")
-    check_room(tmp_path, 1)
-    with pytest.raises(RunError, match=r"has .* free, and 1e\+12 GB more will be written there: free some space"):
-        check_room(tmp_path, 10**21)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=10**9))
+    with pytest.raises(RunError, match=r"has 1 GB free, and 3 GB more are written there: free some space"):
+        check_room(work)
+    work.needed = 10**9
+    check_room(work)
+
+
+def test_halves_of_files_that_a_killed_process_left_are_removed(tmp_path):
+    work = WorkFolder(tmp_path / "out.ply")
+    with work.opened({}):
+        (work.path / ".new-1.npy.7.part").touch()
+        (tmp_path / ".out.ply.7.part").touch()
+        (tmp_path / ".other.ply.7.part").touch()
+    with work.opened({}):
+        assert not (work.path / ".new-1.npy.7.part").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".other.ply.7.part", "out.ply.parts"]
