@@ -21,6 +21,7 @@ import numpy as np
 from processes import run
 from rich.console import Console
 from rich.table import Table
+from saved import save
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats.row_writing import row_writer
@@ -30,6 +31,7 @@ from pcsr.streaming.tiles import depth_for
 from pcsr.streaming.upsampling import TILE
 from pcsr.streaming.work_folder import SUFFIX
 
+COLUMNS = ("points", "processes", "seconds", "new points a second", "peak memory of all processes", "bytes")
 CHUNK = 1 << 18
 """Points that are made at once: a strip of the landscape."""
 DENSITY = 16.0
@@ -95,38 +97,49 @@ def killed(command: list[str], out: Path, share: float, tiles: int) -> None:
 
 
 @click.command()
-@click.argument("count", type=int)
+@click.argument("counts", type=int, nargs=-1, required=True)
 @click.option("--jobs", default=1, show_default=True)
 @click.option("--model", default="frames", show_default=True)
 @click.option("--rate", default=4.0, show_default=True)
 @click.option("--format", "kind", default="las", show_default=True, help="las, laz, ply or npy, of IN and OUT.")
 @click.option("--folder", type=click.Path(path_type=Path), default=None, help="Where the files lie.")
 @click.option("--kill", is_flag=True, help="Kill the command in the middle, run it again and compare.")
-def main(count: int, jobs: int, model: str, rate: float, kind: str, folder: Path | None, kill: bool) -> None:
-    """Measure `pcsr upsample --stream` on a made landscape of COUNT points."""
-    table = Table("points", "jobs", "run", "seconds", "new points a second", "peak MB of all processes", "SHA-256")
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        given = Path(scratch) / f"given.{kind}"
-        make(given, count)
-        hashes = []
-
-        def row(name: str, out: Path, seconds: float, peak: int) -> None:
-            hashes.append(sha256(out))
-            speed = f"{(rate - 1) * count / seconds:,.0f}" if name != "after SIGKILL" else "–"
-            table.add_row(f"{count:,}", str(jobs), name, f"{seconds:.1f}", speed, f"{peak / 1e6:.0f}", hashes[-1][:12])
-            Console(stderr=True).print(f"{name}: {seconds:.1f} s, {peak / 1e6:.0f} MB")
-
-        def command(out: Path) -> list[str]:
-            options = ["--model", model, "--rate", str(rate), "--jobs", str(jobs), "--stream"]
-            return [sys.executable, "-m", "pcsr.cli", "upsample", str(given), "-o", str(out), *options]
-
-        whole, again = Path(scratch) / f"whole.{kind}", Path(scratch) / f"again.{kind}"
-        row("uninterrupted", whole, *run(command(whole)))
-        if kill:
-            killed(command(again), again, 0.5, 2 ** depth_for(count, TILE))
-            row("after SIGKILL", again, *run(command(again)))
-    Console().print(table)
-    if len(set(hashes)) > 1:
+@click.option("--save", "saved", is_flag=True, help="Write the table for the pages.")
+def main(
+    counts: tuple[int, ...],
+    jobs: int,
+    model: str,
+    rate: float,
+    kind: str,
+    folder: Path | None,
+    kill: bool,
+    saved: bool,
+) -> None:
+    """Measure `pcsr upsample --stream` on made landscapes of COUNTS points."""
+    rows: list[tuple[str, ...]] = []
+    options = ["--model", model, "--rate", str(rate), "--jobs", str(jobs), "--stream"]
+    for count in counts:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            given, whole, again = (Path(scratch) / f"{name}.{kind}" for name in ("given", "whole", "again"))
+            make(given, count)
+            command = [sys.executable, "-m", "pcsr.cli", "upsample", str(given), *options, "-o"]
+            seconds, peak = run([*command, str(whole)])
+            speed = f"{(rate - 1) * count / seconds:,.0f}"
+            rows.append((f"{count:,}", str(jobs), f"{seconds:.0f}", speed, f"{peak / 1e6:,.0f} MB", "–"))
+            if kill:
+                killed([*command, str(again)], again, 0.5, 2 ** depth_for(count, TILE))
+                seconds, peak = run([*command, str(again)])
+                same = "equal" if sha256(again) == sha256(whole) else "DIFFERENT"
+                rows.append(
+                    (f"{count:,}", str(jobs), f"{seconds:.0f} after SIGKILL", "", f"{peak / 1e6:,.0f} MB", same)
+                )
+    table = Table(*COLUMNS)
+    for row in rows:
+        table.add_row(*row)
+    Console(width=120).print(table)
+    if saved:
+        save("large", f"python benchmarks/{' '.join([Path(sys.argv[0]).name, *sys.argv[1:]])}", COLUMNS, rows)
+    if any(row[-1] == "DIFFERENT" for row in rows):
         raise SystemExit("the bytes differ")
 
 
