@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE, PLUGIN, jobs_option
+from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
 from pcsr.cli.streaming import PIPE, is_streamed, stages
 from pcsr.errors import PcsrWarning, UserError
 
@@ -52,12 +52,7 @@ if TYPE_CHECKING:
     help="Treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far outliers. "
     "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
 )
-@click.option(
-    "--columns",
-    default=None,
-    metavar="NAMES",
-    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
-)
+@columns_option
 @click.option(
     "--format",
     "suffix",

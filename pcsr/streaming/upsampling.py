@@ -64,8 +64,8 @@ def upsample_file(
     was, and the result has the same bytes. The folder is removed at the end. It takes about as much space as the input
     and the result together.
 
-    The result has the same number of points, in the same places but near the borders of the tiles, as that of
-    `Model.upsample`. The points of the input come first, in their order.
+    The result has as many points as that of `Model.upsample`; they differ near the borders of the tiles. The points of
+    the input come first, in their order.
 
     Args:
         model: model, as `pcsr.load` returns it.
@@ -77,7 +77,7 @@ def upsample_file(
         keep: as of `Model.upsample`.
         fields: as of `Model.upsample`.
         bad: as of `Model.upsample`.
-        suffix: suffix of the format of `source`; by default what its name tells.
+        suffix: suffix of the format of `source`; by default that of its name.
         jobs: number of processes. The result does not depend on it.
         scheduler: address of a Dask scheduler, as of `Model.upsample`.
         tile: number of points that are in memory at once, about. The result depends on it.

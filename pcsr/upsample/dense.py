@@ -73,8 +73,8 @@ def densify(
         count: number of points of the result: old and new ones if `keep`, otherwise new ones alone.
         source: generates the candidates.
         touches: touched points, one array for each touch, in the frame and unit of `points`.
-        normals: unit normals of the points, of either sign; 0 where there is none. They tell the two sheets of a thin
-            plate apart.
+        normals: unit normals of the points, of either sign; 0 where there is none. Candidates off the tangent
+            planes of all points around them are left out, so that none lie between the two sheets of a thin plate.
         keep: whether the old points are part of the result.
         core: number of points, at the beginning of `points`, that get new points. The others are their neighbourhood,
             and are not counted in `count`. Touched points in regions without cloud points are then not added: the

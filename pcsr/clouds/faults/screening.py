@@ -19,7 +19,7 @@ Bad: TypeAlias = Literal["refuse", "drop", "keep"]
 
 @dataclass(frozen=True, eq=False)
 class ScreenedCloud:
-    """Cloud whose points are told apart: those that computations use, and those that are only kept."""
+    """Cloud whose points are divided into those that computations use and those that are only kept."""
 
     cloud: Cloud
     """The cloud without dropped points."""

@@ -72,7 +72,7 @@ def open_chunks(path: Path, suffix: str | None = None) -> ChunkedCloud:
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format; by default what the path's name tells.
+        suffix: suffix or name of the format; by default that of the path.
 
     Raises:
         UserError: the format cannot be read in chunks, or the file is missing, cut off or damaged.

@@ -35,7 +35,7 @@ def read_cloud(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default what the path's name tells.
+        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default that of the path's name.
         bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
             number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
             faults.
@@ -88,33 +88,6 @@ def read_cloud_pipe(
     return _complete(_read(data, kind, name, read), name, bad)
 
 
-def read_cloud_bytes(
-    data: bytes,
-    suffix: str,
-    name: str,
-    *,
-    bad: Bad = "refuse",
-    columns: str | Sequence[str] | None = None,
-) -> Cloud:
-    """Read a cloud from the bytes of a file.
-
-    Args:
-        data: content of the file.
-        suffix: suffix or name of the format, such as ".ply" or "kitti".
-        name: name of the file, for messages.
-        bad: as in `read_cloud`.
-        columns: as in `read_cloud`.
-
-    Raises:
-        UserError: as `read_cloud`.
-
-    Warns:
-        PcsrWarning: as `read_cloud`.
-    """
-    kind = format_of(Path(), suffix)
-    return _complete(_read(data, kind, name, _reader(kind, name, columns)), name, bad)
-
-
 def read_points(
     path: Path, suffix: str | None = None, *, columns: str | Sequence[str] | None = None
 ) -> Float[np.ndarray, "n 3"]:
@@ -122,7 +95,7 @@ def read_points(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format; by default what the path's name tells.
+        suffix: suffix or name of the format; by default that of the path's name.
         columns: names of the columns of a text file, as in `read_cloud`; other files are read without them.
 
     Raises:
