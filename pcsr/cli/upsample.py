@@ -4,21 +4,22 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
 from pcsr.cli import streams
 from pcsr.cli.denoising import DENOISE, DenoisingCommand, denoised
-from pcsr.cli.options import FILE, PLUGIN, jobs_option
+from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
+from pcsr.cli.streaming import PIPE, is_streamed, stages
 from pcsr.errors import PcsrWarning, UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from pcsr.clouds.faults import Bad
-
-PIPE = Path("-")
+    from pcsr.clouds.touch import Touch
+    from pcsr.model import Model
 
 
 @click.command(cls=DenoisingCommand)
@@ -53,12 +54,7 @@ PIPE = Path("-")
     help="Treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far outliers. "
     "refuse: write nothing; drop: remove them, and copies of exact duplicates; keep: write them as they are, unused.",
 )
-@click.option(
-    "--columns",
-    default=None,
-    metavar="NAMES",
-    help="Names of the columns of a text file: x,y,z,red,green,blue. A column that is called - is left out.",
-)
+@columns_option
 @click.option(
     "--format",
     "suffix",
@@ -76,6 +72,12 @@ PIPE = Path("-")
     type=PLUGIN,
     metavar="FILE",
     help="Load parts that the weights need from this Python file. May be repeated.",
+)
+@click.option(
+    "--stream/--no-stream",
+    default=None,
+    help="Go through the cloud in parts, from disk to disk, whatever its size; or hold it in memory.  "
+    "[default: in parts above 2,000,000 points, if IN and OUT are PLY, NPY, LAS or LAZ]",
 )
 @click.option("--quiet", is_flag=True, help="Print errors only.")
 def upsample(
@@ -96,6 +98,7 @@ def upsample(
     jobs: int | None,
     scheduler: str | None,
     plugins: tuple[Path, ...],
+    stream: bool | None,
     quiet: bool,
 ) -> None:
     """Make a cloud dense and write it.
@@ -124,6 +127,39 @@ def upsample(
     kind = kind if kind in CLOUD_WRITERS else ".ply"
     target = out if out != PIPE else Path(f"pipe{kind}")
     writable(target)  # before the work, not after it
+
+    def report(given: int, written: int, model_name: str, used: int, recorded: int) -> None:
+        touched = f" and {used} of {recorded} touches" if used else ""
+        seconds = time.perf_counter() - start
+        console.print(
+            f"{given} points{touched} to {written} by {model_name} in {seconds:.1f} s: {out}",
+            markup=False,
+            soft_wrap=True,
+        )
+
+    if is_streamed(cloud, chosen, out, stream, mesh=mesh, columns=columns, denoise=denoise is not None):
+        from pcsr.streaming import upsample_file
+
+        touches, recorded = _touches(touch)
+        with _yellow_warnings_at_once(console), progress_bars(console, hidden=quiet) as progress:
+            loaded = _loaded(model, plugins, device)
+            streamed = upsample_file(
+                loaded,
+                cloud,
+                out,
+                touches,
+                rate,
+                count=count,
+                keep=not replace,
+                fields=fields,
+                bad=bad,
+                suffix=chosen,
+                jobs=jobs or _jobs(None, device),
+                scheduler=scheduler,
+                advance=stages(progress),
+            )
+        report(streamed.given, streamed.written, loaded.name, len(touches), recorded)
+        return
     if out == PIPE:
         streams.open_output()
     name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
@@ -135,27 +171,12 @@ def upsample(
         )
         given = screen(read, bad, name)
     writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
-    touches, recorded = [], 0
-    if touch is not None:
-        from pcsr.recorded import read as read_touches
-
-        recording = read_touches(touch)
-        touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
-        for name, reason in recording.skipped.items():  # also with --quiet
-            click.echo(f"touch {name} is skipped: {reason}", err=True)
-    from pcsr.model import load  # imports torch, so mistakes in files are reported first
-
+    touches, recorded = _touches(touch)
     if denoise is not None:
         jobs_then = jobs or _jobs(len(given.points), device)
         given = denoised(given, denoise, jobs=jobs_then, scheduler=scheduler, console=console, quiet=quiet)
     with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
-        device_name = _device(device)
-        try:
-            loaded = load(model, plugins=plugins, device=device_name)
-        except UserError as error:
-            from pcsr.validation_messages import shown
-
-            raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
+        loaded = _loaded(model, plugins, device)
         task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
@@ -176,13 +197,31 @@ def upsample(
     if mesh is not None:
         dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
-    seconds = time.perf_counter() - start
-    touched = f" and {len(touches)} of {recorded} touches" if touches else ""
-    console.print(
-        f"{len(given.cloud)} points{touched} to {written} by {loaded.name} in {seconds:.1f} s: {out}",
-        markup=False,
-        soft_wrap=True,
-    )
+    report(len(given.cloud), written, loaded.name, len(touches), recorded)
+
+
+def _touches(folder: Path | None) -> tuple[list["Touch"], int]:
+    """Read a recording, and name the touches that are skipped; return the others and the number of all."""
+    if folder is None:
+        return [], 0
+    from pcsr.recorded import read
+
+    recording = read(folder)
+    for name, reason in recording.skipped.items():  # also with --quiet
+        click.echo(f"touch {name} is skipped: {reason}", err=True)
+    return recording.touches, len(recording.touches) + len(recording.skipped)
+
+
+def _loaded(model: str | None, plugins: tuple[Path, ...], device: str) -> "Model":
+    from pcsr.model import load  # imports torch, so mistakes in files are reported first
+
+    name = _device(device)
+    try:
+        return load(model, plugins=plugins, device=name)
+    except UserError as error:
+        from pcsr.validation_messages import shown
+
+        raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
 
 
 @contextmanager
@@ -198,6 +237,28 @@ def _yellow_warnings(console: "Console") -> Iterator[None]:
             for one in warned:
                 if issubclass(one.category, PcsrWarning):
                     console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
+
+
+@contextmanager
+def _yellow_warnings_at_once(console: "Console") -> Iterator[None]:
+    """Print pcsr's warnings as yellow lines when they arise, since the block may take hours."""
+    import warnings
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,  # noqa: ARG001 the signature of `warnings.showwarning`
+        lineno: int,  # noqa: ARG001
+        file: TextIO | None = None,  # noqa: ARG001
+        line: str | None = None,  # noqa: ARG001
+    ) -> None:
+        if issubclass(category, PcsrWarning):
+            console.print(str(message), style="yellow", markup=False, soft_wrap=True)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PcsrWarning)
+        warnings.showwarning = show
+        yield
 
 
 def _device(name: str) -> str:
@@ -217,10 +278,15 @@ def _device(name: str) -> str:
     return name
 
 
-def _jobs(count: int, device: str) -> int:
-    """Return the default number of processes: all cores for large clouds on the CPU, otherwise 1."""
+def _jobs(count: int | None, device: str) -> int:
+    """Return the default number of processes: all cores for large clouds on the CPU, otherwise 1.
+
+    Args:
+        count: number of points; None for a cloud that is read in parts.
+        device: value of `--device`.
+    """
     import os
 
     from pcsr.workers import MOST_JOBS
 
-    return min(os.cpu_count() or 1, MOST_JOBS) if count > 20_000 and device in ("auto", "cpu") else 1
+    return min(os.cpu_count() or 1, MOST_JOBS) if (count is None or count > 20_000) and device in ("auto", "cpu") else 1

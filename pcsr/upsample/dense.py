@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
@@ -35,7 +35,7 @@ ALONE = WorkerPool(None, 1)
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over a cloud."""
+    """One pass over a cloud, or over the part of it that gets new points."""
 
     new: int
     """Number of new points."""
@@ -54,6 +54,7 @@ def densify(
     touches: Sequence[CloudArray] = (),
     normals: Float[np.ndarray, "n 3"] | None = None,
     keep: bool = True,
+    core: int | None = None,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Float[np.ndarray, "new 3"]:
@@ -72,9 +73,12 @@ def densify(
         count: number of points of the result: old and new ones if `keep`, otherwise new ones alone.
         source: generates the candidates.
         touches: touched points, one array for each touch, in the frame and unit of `points`.
-        normals: unit normals of the points, of either sign; 0 where there is none. They tell the two sheets of a thin
-            plate apart.
+        normals: unit normals of the points, of either sign; 0 where there is none. Candidates off the tangent
+            planes of all points around them are left out, so that none lie between the two sheets of a thin plate.
         keep: whether the old points are part of the result.
+        core: number of points, at the beginning of `points`, that get new points. The others are their neighbourhood,
+            and are not counted in `count`. Touched points in regions without cloud points are then not added: the
+            caller must have put them into the cloud.
         pool: processes that work on the patches.
         advance: called after each patch with the number of points processed and the number of all points.
 
@@ -89,33 +93,43 @@ def densify(
         PcsrWarning: there are touched points in regions without cloud points.
     """
     cloud = np.asarray(points, np.float64)
-    n = len(cloud)
-    if n < FEWEST:
-        raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed")
+    if len(cloud) < FEWEST:
+        raise UserError(f"the cloud has {len(cloud)} points: at least {FEWEST} are needed")
     check_cloud(cloud, extent=True)
+    n = len(cloud) if core is None else core
     new = count - n if keep else count
     if new < 0:
         raise UserError(
             f"{count} points are fewer than the {n} of the cloud: ask for more, or don't keep the old ones (--replace)"
         )
     parts: list[CloudArray] = []
-    touched = unseen(cloud, touches)
+    touched = unseen(cloud, touches) if core is None else np.zeros((0, 3))
     if len(touched):
         _warn_of_unseen(cloud, touched, new)
         parts = [touched[:new]]
         cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
     if normals is None:
-        normals = np.zeros((n, 3))
+        normals = np.zeros((len(cloud), 3))
     one_pass = functools.partial(_one_pass, source=source, touches=touches, pool=pool, advance=advance)
-    start, growth = n, (n + new if keep else new) / n
+    start, growth = len(cloud), (n + new if keep else new) / n
+    sides = [np.arange(n), np.arange(n, start)]
+    firsts = [len(side) for side in sides]
     count = _passes(growth, source, keep)
+    rate = RATE if source.any_rate else source.rate
     for number in range(1, count):
-        step = round(start * growth ** (number / count)) - n
-        rate = RATE if source.any_rate else source.rate
-        added = one_pass(cloud, normals, Pass(step, n, rate))
-        cloud, n = np.concatenate([cloud, added]), n + step
+        steps = [
+            round(first * growth ** (number / count)) - len(side) for first, side in zip(firsts, sides, strict=True)
+        ]
+        added = [
+            one_pass(cloud, normals, Pass(step, len(cloud), rate), side)
+            for step, side in zip(steps, sides, strict=True)
+            if len(side)
+        ]
+        ends = len(cloud) + np.cumsum(steps)
+        sides = [np.r_[side, end - step : end] for side, end, step in zip(sides, ends, steps, strict=True)]
+        cloud = np.concatenate([cloud, *added])
     rate = LAST_RATE if source.any_rate else source.rate
-    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate)))
+    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate), sides[0]))
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
@@ -145,19 +159,23 @@ def _one_pass(
     cloud: CloudArray,
     normals: CloudArray,
     plan: Pass,
+    within: Int[np.ndarray, " m"],
     source: Candidates,
     touches: Sequence[CloudArray],
     pool: WorkerPool,
     advance: Callable[[int, int], None],
 ) -> CloudArray:
+    """Return the new points of the rows `within`."""
     done = at = 0
     added = np.zeros((plan.new, 3))
     cores: deque[int] = deque()
-    for filled in pool.map(functools.partial(fill, source), _tasks(cloud, normals, plan, source, touches, cores)):
+    for filled in pool.map(
+        functools.partial(fill, source), _tasks(cloud, normals, plan, within, source, touches, cores)
+    ):
         added[at : at + len(filled)] = filled
         at += len(filled)
         done += cores.popleft()
-        advance(done, len(cloud))
+        advance(done, len(within))
     return added
 
 
@@ -165,14 +183,15 @@ def _tasks(
     cloud: CloudArray,
     normals: CloudArray,
     plan: Pass,
+    within: Int[np.ndarray, " m"],
     source: Candidates,
     touches: Sequence[CloudArray],
     cores: deque[int],
 ) -> Iterator[Task]:
     before = 0
-    for patch in patches(cloud, source.size, source.size // 2):
+    for patch in patches(cloud, source.size, source.size // 2, within):
         points = cloud[patch.rows]
-        share = (before + patch.core) * plan.new // len(cloud) - before * plan.new // len(cloud)
+        share = (before + patch.core) * plan.new // len(within) - before * plan.new // len(within)
         before += patch.core
         cores.append(patch.core)
         nearby = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
