@@ -1,10 +1,7 @@
 """`pcsr upsample`: the command that upsamples a cloud in a file or pipe."""
 
-import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,14 +9,11 @@ from pcsr.cli import streams
 from pcsr.cli.denoising import DENOISE, DenoisingCommand, denoised
 from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
 from pcsr.cli.streaming import PIPE, is_streamed, stages
-from pcsr.errors import PcsrWarning, UserError
+from pcsr.cli.upsample_options import default_jobs, load_model, read_touches
+from pcsr.cli.warnings_shown import yellow_warnings, yellow_warnings_at_once
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from pcsr.clouds.faults import Bad
-    from pcsr.clouds.touch import Touch
-    from pcsr.model import Model
 
 
 @click.command(cls=DenoisingCommand)
@@ -140,9 +134,9 @@ def upsample(
     if is_streamed(cloud, chosen, out, stream, mesh=mesh, columns=columns, denoise=denoise is not None):
         from pcsr.streaming import upsample_file
 
-        touches, recorded = _touches(touch)
-        with _yellow_warnings_at_once(console), progress_bars(console, hidden=quiet) as progress:
-            loaded = _loaded(model, plugins, device)
+        touches, recorded = read_touches(touch)
+        with yellow_warnings_at_once(console), progress_bars(console, hidden=quiet) as progress:
+            loaded = load_model(model, plugins, device)
             streamed = upsample_file(
                 loaded,
                 cloud,
@@ -154,7 +148,7 @@ def upsample(
                 fields=fields,
                 bad=bad,
                 suffix=chosen,
-                jobs=jobs or _jobs(None, device),
+                jobs=jobs or default_jobs(None, device),
                 scheduler=scheduler,
                 advance=stages(progress),
             )
@@ -163,7 +157,7 @@ def upsample(
     if out == PIPE:
         streams.open_output()
     name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
-    with _yellow_warnings(console):
+    with yellow_warnings(console):
         read = (
             read_cloud_pipe(streams.open_input(), chosen or ".ply", name, bad="keep", columns=columns)
             if cloud == PIPE
@@ -171,12 +165,12 @@ def upsample(
         )
         given = screen(read, bad, name)
     writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
-    touches, recorded = _touches(touch)
+    touches, recorded = read_touches(touch)
     if denoise is not None:
-        jobs_then = jobs or _jobs(len(given.points), device)
+        jobs_then = jobs or default_jobs(len(given.points), device)
         given = denoised(given, denoise, jobs=jobs_then, scheduler=scheduler, console=console, quiet=quiet)
-    with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
-        loaded = _loaded(model, plugins, device)
+    with yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
+        loaded = load_model(model, plugins, device)
         task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
@@ -185,7 +179,7 @@ def upsample(
             count=count,
             keep=not replace,
             fields=fields,
-            jobs=jobs or _jobs(len(given.points), device),
+            jobs=jobs or default_jobs(len(given.points), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
@@ -198,95 +192,3 @@ def upsample(
         dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
     report(len(given.cloud), written, loaded.name, len(touches), recorded)
-
-
-def _touches(folder: Path | None) -> tuple[list["Touch"], int]:
-    """Read a recording, and name the touches that are skipped; return the others and the number of all."""
-    if folder is None:
-        return [], 0
-    from pcsr.recorded import read
-
-    recording = read(folder)
-    for name, reason in recording.skipped.items():  # also with --quiet
-        click.echo(f"touch {name} is skipped: {reason}", err=True)
-    return recording.touches, len(recording.touches) + len(recording.skipped)
-
-
-def _loaded(model: str | None, plugins: tuple[Path, ...], device: str) -> "Model":
-    from pcsr.model import load  # imports torch, so mistakes in files are reported first
-
-    name = _device(device)
-    try:
-        return load(model, plugins=plugins, device=name)
-    except UserError as error:
-        from pcsr.validation_messages import shown
-
-        raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
-
-
-@contextmanager
-def _yellow_warnings(console: "Console") -> Iterator[None]:
-    """Print pcsr's warnings as yellow lines after the block, and before an error that ends it."""
-    import warnings
-
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always", PcsrWarning)
-        try:
-            yield
-        finally:
-            for one in warned:
-                if issubclass(one.category, PcsrWarning):
-                    console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
-
-
-@contextmanager
-def _yellow_warnings_at_once(console: "Console") -> Iterator[None]:
-    """Print pcsr's warnings as yellow lines when they arise, since the block may take hours."""
-    import warnings
-
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,  # noqa: ARG001 the signature of `warnings.showwarning`
-        lineno: int,  # noqa: ARG001
-        file: TextIO | None = None,  # noqa: ARG001
-        line: str | None = None,  # noqa: ARG001
-    ) -> None:
-        if issubclass(category, PcsrWarning):
-            console.print(str(message), style="yellow", markup=False, soft_wrap=True)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", PcsrWarning)
-        warnings.showwarning = show
-        yield
-
-
-def _device(name: str) -> str:
-    import torch
-
-    found = torch.cuda.device_count() if torch.cuda.is_available() else 0
-    if name == "auto":
-        return "cuda" if found else "cpu"
-    if name != "cpu" and not re.fullmatch(r"cuda(:\d{1,3})?", name):
-        from pcsr.validation_messages import shown
-
-        raise UserError(f"--device {shown(name)}: pcsr computes on auto, cpu, cuda, or cuda:1 for the second device")
-    if name != "cpu" and not found:
-        raise UserError(f"--device {name}: torch finds no CUDA device here; use cpu, or install torch for CUDA")
-    if name != "cpu" and int(name.partition(":")[2] or 0) >= found:
-        raise UserError(f"--device {name}: the last of the CUDA devices here is cuda:{found - 1}")
-    return name
-
-
-def _jobs(count: int | None, device: str) -> int:
-    """Return the default number of processes: all cores for large clouds on the CPU, otherwise 1.
-
-    Args:
-        count: number of points; None for a cloud that is read in parts.
-        device: value of `--device`.
-    """
-    import os
-
-    from pcsr.workers import MOST_JOBS
-
-    return min(os.cpu_count() or 1, MOST_JOBS) if (count is None or count > 20_000) and device in ("auto", "cpu") else 1

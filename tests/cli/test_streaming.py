@@ -64,6 +64,7 @@ def test_warnings_are_shown_when_they_arise(scan, tmp_path):
         (["scan.xyz", "-o", "out.ply"], "scan.xyz: a .xyz file cannot be read in parts: convert it to LAS, LAZ,"),
         (["-", "-o", "out.ply"], "IN is a pipe, which can be read only once: name a file"),
         (["scan.ply", "-o", "-"], "OUT is a pipe, which cannot be continued after an interruption: name a file"),
+        (["scan.ply", "-o", "out.ply", "--denoise", "0.1"], "--denoise needs the whole cloud in memory: leave one"),
         (["scan.xyz", "-o", "out.ply", "--columns", "x,y,z"], "--columns is for text, which cannot be read in parts"),
     ],
 )
