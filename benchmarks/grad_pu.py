@@ -36,8 +36,8 @@ NAMES = {
     r"p2p_regressor\.mlp_(\d)\.": r"upsampler.layers.\1.",
 }
 """How their names begin, and ours."""
-PLACES = {"0": "linear", "1": "norm"}
-"""What stands at a place in a layer of theirs."""
+LAYERS = {"0": "linear", "1": "norm"}
+"""Our names of the layers of a block, by the number in theirs."""
 
 
 def convert(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -55,7 +55,7 @@ def _renamed(name: str) -> str:
     for theirs, ours in NAMES.items():
         if begins := re.match(theirs, name):
             rest = name[begins.end() :]
-            return begins.expand(ours) + re.sub(r"^\d", lambda place: PLACES[place[0]], rest)
+            return begins.expand(ours) + re.sub(r"^\d", lambda number: LAYERS[number[0]], rest)
     raise UserError(f"'{name}' is no tensor of Grad-PU: hand in the published weights, nothing else")
 
 

@@ -124,36 +124,36 @@ def methods(models: Sequence[pcsr.Model], rate: int, touches: int) -> dict[str, 
     Raises:
         UserError: a model has no network.
     """
-    compared = {"midpoint": in_use(pcsr.load("midpoint"), rate, feels=False), "midpoint, whole cloud": whole(rate)}
+    compared = {"midpoint": in_use(pcsr.load("midpoint"), rate, touched=False), "midpoint, whole cloud": whole(rate)}
     for model in models:
         network, recipe = trained(model)
         if not serves(network, recipe, rate):
             click.echo(f"{model.name} cannot make {rate}x and is not in that table", err=True)
             continue
-        compared[model.name] = by_protocol(model, rate, feels=False)
+        compared[model.name] = by_protocol(model, rate, touched=False)
         if touches and recipe.most_touches:
             name = f"{model.name}, {touches} touch{'es' if touches > 1 else ''}"
-            compared[name] = by_protocol(model, rate, feels=True)
+            compared[name] = by_protocol(model, rate, touched=True)
     return compared
 
 
-def by_protocol(model: pcsr.Model, rate: int, *, feels: bool) -> Method:
+def by_protocol(model: pcsr.Model, rate: int, *, touched: bool) -> Method:
     """How a network is used or, if it has one rate or patches, evaluated; with a shape's touches or without."""
     network, recipe = trained(model)
     recipe = recipe.model_copy(update={"data": recipe.data.model_copy(update={"rate": rate})})
     name = protocol(recipe, network)
     if name == IN_USE:
-        return in_use(model, rate, feels=feels)
-    return Method(name, lambda points, touches: upsample_as(recipe, network, points, touches if feels else ()))
+        return in_use(model, rate, touched=touched)
+    return Method(name, lambda points, touches: upsample_as(recipe, network, points, touches if touched else ()))
 
 
-def in_use(model: pcsr.Model, rate: int, *, feels: bool) -> Method:
+def in_use(model: pcsr.Model, rate: int, *, touched: bool) -> Method:
     """The model as users have it, with a shape's touches or without."""
 
     def upsample(points: Cloud, touches: Sequence[Cloud]) -> Cloud:
         with warnings.catch_warnings():  # touches of unseen regions are simulated, and thus not misplaced
             warnings.simplefilter("ignore", PcsrWarning)
-            dense: Cloud = model.upsample(points, touches if feels else (), rate=rate)
+            dense: Cloud = model.upsample(points, touches if touched else (), rate=rate)
         return dense
 
     return Method(IN_USE, upsample)

@@ -27,7 +27,7 @@ OTHERS = (0.78, 0.9, 1.13, 1.29)
 def seams(points: np.ndarray, dense: np.ndarray) -> float:
     """How many more new points the borders of patches have than the middles; 1 where no border shows.
 
-    Points whose neighbours are in another cell lie in sparser places than others, whatever the cells are. So the
+    Points whose neighbours are in another cell lie in sparser regions than others, whatever the cells are. So the
     borders of the patches' own cells are compared with those of cells of other sizes.
     """
     rows = np.random.default_rng(0).choice(len(points), min(LOOKED_AT, len(points)), replace=False)

@@ -51,7 +51,7 @@ def test_farthest_points_by_a_torch_loop(benchmark, line, cloud):
 
     chosen = benchmark.pedantic(usual, rounds=1)
     same = (chosen.numpy() == farthest_points(cloud, COUNT, 0)).mean()
-    benchmark.extra_info["says"] = f"{same:.2%} the same indices in the same places"
+    benchmark.extra_info["says"] = f"{same:.2%} the same indices at the same positions"
 
 
 def test_the_distances_that_farthest_points_need(benchmark, line, cloud):

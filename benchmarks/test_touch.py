@@ -1,4 +1,4 @@
-"""Touches on one core: all places tried, refused ones too. Asked for: 60 a second with 121 x 121 rays.
+"""Touches on one core: with every try, also those without a contact. Asked for: 60 a second with 121 x 121 rays.
 
 make bench ARGS=benchmarks/test_touch.py
 """

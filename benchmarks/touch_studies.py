@@ -56,7 +56,7 @@ class Row:
     touched: Numbers
     plain: Numbers
     replaced: Numbers
-    """Without touch, the felt region replaced by the truth."""
+    """Without touch, the touched region replaced by the truth."""
     beside: dict[str, float]
     """Means of the baselines."""
     effect: TouchEffect

@@ -20,9 +20,13 @@ from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.model import Model, load
 from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
-from pcsr.recipe import MODEL, for_data, from_resolved
+from pcsr.recipe import MODEL, from_resolved
+from tests.small_model import M, N, clouds, tiny_model
 
-N, M = 64, 40
+
+@pytest.fixture
+def tiny():
+    return tiny_model()
 
 
 @pytest.fixture(scope="module")
@@ -37,32 +41,12 @@ def exported(request, shipped, tmp_path_factory):
     return path, request.param, shapes
 
 
-@pytest.fixture
-def tiny():
-    """A small network with random weights."""
-    plain = for_data("cad-parts", {}, load_plugins()).resolved()
-    plain["data"] |= {"rate": 4, "points": 32}
-    plain["model"]["encoder"]["channels"] = plain["model"]["touch_encoder"]["channels"] = 8
-    plain["model"]["backbone"] |= {"channels": [8], "neighbours": 6}
-    plain["model"]["upsampler"] |= {"start": "neighbours"}
-    recipe = from_resolved(plain, load_plugins())
-    return Model("tiny", build(recipe, load_plugins()).eval(), recipe, {"metrics": {"cd": 0.5}}, None, ())
-
-
 def run(source, *inputs):
     """What onnxruntime makes of a graph, in a file or in memory."""
     session = onnxruntime.InferenceSession(source, providers=["CPUExecutionProvider"])
     names = [given.name for given in session.get_inputs()]
     assert len(names) == len(inputs)
     return session.run(None, {name: tensor.numpy() for name, tensor in zip(names, inputs, strict=True)})[0]
-
-
-def clouds(batch, touches, seed=0):
-    draw = torch.Generator().manual_seed(seed)
-    directions = torch.nn.functional.normalize(torch.randn(batch, N, 3, generator=draw), dim=-1)
-    points = directions * torch.tensor([1.0, 0.8, 0.5])
-    felt = points[:, :touches, None] + 0.05 * torch.randn(batch, touches, M, 3, generator=draw)
-    return (points, felt) if touches else (points,)
 
 
 @pytest.mark.slow

@@ -8,37 +8,18 @@ import pcsr.cli
 from pcsr.cli.export import export
 from pcsr.errors import UserError
 from pcsr.export import export_weights
-from pcsr.model import Model, load
-from pcsr.network.build import build
-from pcsr.plugins.loading import load_plugins
-from pcsr.recipe import for_data, from_resolved
+from pcsr.model import load
+from tests.small_model import clouds, tiny_model
 
-N, M = 64, 40
+
+@pytest.fixture
+def tiny():
+    return tiny_model()
 
 
 @pytest.fixture(scope="module")
 def shipped():
     return load("tapsr")
-
-
-@pytest.fixture
-def tiny():
-    """A small network with random weights."""
-    plain = for_data("cad-parts", {}, load_plugins()).resolved()
-    plain["data"] |= {"rate": 4, "points": 32}
-    plain["model"]["encoder"]["channels"] = plain["model"]["touch_encoder"]["channels"] = 8
-    plain["model"]["backbone"] |= {"channels": [8], "neighbours": 6}
-    plain["model"]["upsampler"] |= {"start": "neighbours"}
-    recipe = from_resolved(plain, load_plugins())
-    return Model("tiny", build(recipe, load_plugins()).eval(), recipe, {"metrics": {"cd": 0.5}}, None, ())
-
-
-def clouds(batch, touches, seed=0):
-    draw = torch.Generator().manual_seed(seed)
-    directions = torch.nn.functional.normalize(torch.randn(batch, N, 3, generator=draw), dim=-1)
-    points = directions * torch.tensor([1.0, 0.8, 0.5])
-    felt = points[:, :touches, None] + 0.05 * torch.randn(batch, touches, M, 3, generator=draw)
-    return (points, felt) if touches else (points,)
 
 
 @pytest.mark.parametrize("half", [False, True])

@@ -1,48 +1,23 @@
 """Weights with parts of others: they are noted, asked for where they are missing, and named where they do not fit."""
 
 import dataclasses
-import functools
 import re
-from pathlib import Path
 
 import pytest
 
 from pcsr import __version__
-from pcsr.errors import UserError
 from pcsr.network.build import build
 from pcsr.network.card import foreign_parts
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Failure
-from pcsr.recipe import Recipe, load
-
-SMOKE = Path(__file__).parents[1] / "pcsr/recipes/smoke.yaml"
-
-
-def recipe(*overrides: str) -> Recipe:
-    (only,) = load(SMOKE, load_plugins(), ["model.encoder.channels=16", "model.backbone.channels=[8, 16]", *overrides])
-    return only
+from tests.saved_weights import recipe, refusal, save
 
 
 @pytest.fixture
 def saved(tmp_path):
-    network = build(recipe(), load_plugins())
-    path = tmp_path / "weights.safetensors"
-    save_weights(path, network, {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}})
-    return path, network
-
-
-plugins = functools.cache(load_plugins)
-
-
-def refusal(path, registry=None):
-    """What a person reads: one line that names the file."""
-    with pytest.raises(UserError) as caught:
-        load_weights(path, registry or plugins())
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return save(tmp_path)
 
 
 def brought(owner, version, kind="fusion", name=None, registry=None):

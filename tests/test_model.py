@@ -77,24 +77,29 @@ def default():
 
 def test_the_default_weights_listen_to_touches_of_every_form(default, tmp_path):
     points = cloud(300)
-    felt = [cloud(40, seed) * 0.2 for seed in (1, 2)]
+    touches = [cloud(40, seed) * 0.2 for seed in (1, 2)]
     plain = default.upsample(points, rate=2)
-    touched = default.upsample(points, felt, rate=2)
+    touched = default.upsample(points, touches, rate=2)
     assert plain.shape == touched.shape == (600, 3)
     assert not np.array_equal(plain, touched)
-    records = [Touch.single(touch, np.eye(4), 1.0, "digit") for touch in felt]
+    records = [Touch.single(touch, np.eye(4), 1.0, "digit") for touch in touches]
     write(tmp_path / "touches", records)
-    for same in (records, tmp_path / "touches", str(tmp_path / "touches"), [torch.from_numpy(touch) for touch in felt]):
+    for same in (
+        records,
+        tmp_path / "touches",
+        str(tmp_path / "touches"),
+        [torch.from_numpy(touch) for touch in touches],
+    ):
         np.testing.assert_array_equal(default.upsample(points, same, rate=2), touched)
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(1000.0, 0.0), (1.0, 50.0)])
 def test_touches_in_another_unit_or_frame_are_refused_with_both_sizes(interpolation, factor, shift):
-    felt = [0.1 * cloud(), 0.1 * cloud() * factor + shift]
+    touches = [0.1 * cloud(), 0.1 * cloud() * factor + shift]
     with pytest.raises(
         UserError, match=r"touch 1 is .* across and lies .* away from the cloud, which is 2\.\d+ across"
     ):
-        interpolation.upsample(cloud(), felt, rate=2)
+        interpolation.upsample(cloud(), touches, rate=2)
 
 
 def test_a_touch_where_the_cloud_has_no_points_is_told_and_used(interpolation):
@@ -199,3 +204,19 @@ def test_a_model_is_loaded_without_what_few_need():
     script = f"import sys, pcsr; pcsr.load(); print([name for name in {unneeded} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("level", [True, 0.2])
+def test_given_points_are_denoised_before_new_ones_are_made(level):
+    rng = np.random.default_rng(0)
+    cloud = np.column_stack([rng.uniform(0, 20, (400, 2)), 0.2 * rng.normal(size=400)])
+    plain, moved = (load("midpoint").upsample(cloud, rate=2, denoise=one) for one in (False, level))
+    np.testing.assert_array_equal(plain[:400], cloud)
+    assert moved.shape == plain.shape
+    assert moved[:400, 2].std() < 0.5 * cloud[:, 2].std()
+    assert moved[400:, 2].std() < 0.8 * plain[400:, 2].std()
+
+
+def test_noise_larger_than_the_cloud_is_refused():
+    with pytest.raises(UserError, match="--denoise 100: the cloud is only"):
+        load("midpoint").upsample(np.random.default_rng(0).normal(size=(40, 3)), denoise=100)

@@ -1,6 +1,6 @@
 """Draw one touch on one part as a PNG: how the picture of docs/touch.md is made.
 
-Left: the part with the outline of the gel and the points that it felt. Middle: the same from close by. Right: the felt
+Left: the part with the outline of the gel and the touched points. Middle: the same from close by. Right: the touched
 points alone, in the sensor's own frame, coloured by how deep they press in.
 
 python docs/pictures/touch.py docs/pictures/touch.png

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE, PLUGIN, complete_metric
+from pcsr.cli.options import FILE, PLUGIN, columns_option, complete_metric
 from pcsr.errors import UserError
 
 
@@ -42,9 +42,7 @@ from pcsr.errors import UserError
     default=None,
     help="Format of the clouds whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …",
 )
-@click.option(
-    "--columns", default=None, metavar="NAMES", help="Names of the columns of text files: -,x,y,z. - leaves one out."
-)
+@columns_option
 @click.option("--plugin", "plugins", multiple=True, type=PLUGIN, metavar="FILE", help="Python file with metrics.")
 @click.option("--json", "plain", is_flag=True, help="Print the unscaled values as JSON.")
 def evaluate(

@@ -151,6 +151,15 @@ set_option = click.option(
 """Option `--set`, which passes `overrides` to a command, as `pcsr.recipe.load` takes them."""
 
 
+columns_option = click.option(
+    "--columns",
+    default=None,
+    metavar="NAMES",
+    help="Names of the columns of text files: x,y,z,red,green,blue. A column that is called - is left out.",
+)
+"""Option `--columns`, which passes `columns` to a command, as `pcsr.clouds.formats.read_cloud` takes them."""
+
+
 def complete_part(kind: str) -> Callable[[click.Context, click.Parameter, str], list[str]]:
     """Return a shell completion for the names of the parts of one kind."""
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pcsr.cli.options import FILE, OUTPUT_FOLDER, complete_part, plugin_option
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, columns_option, complete_part, plugin_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ def _complete_option(option: str) -> "Callable[[click.Context, click.Parameter, 
     default=None,
     help="Format of the cloud, whatever its suffix: ply, xyz, kitti, nuscenes, colmap …  [default: by the suffix]",
 )
+@columns_option
 @click.option(
     "--source",
     default="digit",
@@ -102,6 +103,7 @@ def touch(
     object_size: str | None,
     cloud: Path | None,
     suffix: str | None,
+    columns: str | None,
     source: str,
     overrides: tuple[str, ...],
     overwrite: bool,
@@ -115,6 +117,7 @@ def touch(
 
     from pcsr.clouds.faults import warn_of_faults
     from pcsr.clouds.formats import read_points
+    from pcsr.clouds.formats.format_table import check_columns, format_of
     from pcsr.clouds.touch import covered_area_share
     from pcsr.contracts import ShapeItem, TouchSource
     from pcsr.extras import require
@@ -126,6 +129,8 @@ def touch(
         raise UserError("--set use=…: name the source with --source")
     if suffix is not None and cloud is None:
         raise UserError(f"--format {suffix[:80]}: it is the format of --cloud, which is not given")
+    if columns is not None and cloud is None:
+        raise UserError(f"--columns {columns[:200]}: they are the columns of --cloud, which is not given")
     if not mesh.is_file():
         raise UserError(f"mesh {mesh}: {'that is a folder' if mesh.is_dir() else 'there is no such file'}")
     if mesh.resolve().parent == folder.resolve():
@@ -138,7 +143,8 @@ def touch(
     touch_source: TouchSource = recipe.data.touch.build(registry, "touch")
     item: ShapeItem = recipe.data.shapes.build(registry, "shapes").item(mesh.name)
     if cloud is not None:
-        seen = read_points(cloud, suffix)
+        check_columns(columns, format_of(cloud, suffix), str(cloud))
+        seen = read_points(cloud, suffix, columns=columns)
         warn_of_faults(seen, f"--cloud {cloud}")
         _check_same_frame(seen, item.mesh, cloud, mesh)
     else:

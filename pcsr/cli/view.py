@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE
+from pcsr.cli.options import FILE, columns_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ SUFFIXES = (".html", ".htm", ".png")
     help="Format of a pipe and of files whose suffix names none, such as .bin: kitti, nuscenes, colmap, ply …  "
     "[default: ply for pipes and files without a suffix]",
 )
+@columns_option
 def view(
     clouds: tuple[Path, ...],
     out: Path | None,
@@ -63,6 +64,7 @@ def view(
     before: Path | None,
     touch: Path | None,
     suffix: str | None,
+    columns: str | None,
 ) -> None:
     """Show clouds side by side in the browser.
 
@@ -75,6 +77,7 @@ def view(
     pcsr view scan.ply dense.ply --before scan.ply
     pcsr view scan.las --color classification -o scan.png
     """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.clouds.formats import TEXT_READERS
     from pcsr.clouds.formats.format_table import named_by
     from pcsr.extras import require
 
@@ -82,10 +85,13 @@ def view(
     require({"matplotlib": "a picture"} if path.suffix.lower() == ".png" else {"plotly": "the viewer"})
     if list(clouds).count(PIPE) > 1:
         raise UserError("- is given twice, and there is one standard input: give it once")
-    if suffix is not None and all(map(named_by, [*clouds, *([] if before is None else [before])])):
+    files = [*clouds, *([] if before is None else [before])]
+    if suffix is not None and all(map(named_by, files)):
         raise UserError(f"--format {suffix[:80]}: the suffixes of all clouds name their formats: leave it out")
-    read = [_read(one, suffix) for one in clouds]
-    old = None if before is None else _read(before, suffix)
+    if columns is not None and not any(_format(file, suffix) in TEXT_READERS for file in files):
+        raise UserError(f"--columns {columns[:200]}: no cloud is text, whose columns it could name: leave it out")
+    read = [_read(one, suffix, columns) for one in clouds]
+    old = None if before is None else _read(before, suffix, columns)
     touches = _touches(touch)
     from pcsr.files import write_bytes, write_text
     from pcsr.report.clouds.colouring import SOURCE
@@ -146,16 +152,25 @@ def _target(out: Path | None) -> Path:
     return PAGE
 
 
-def _read(path: Path, suffix: str | None) -> "Cloud":
-    """Read a cloud, without points that are not finite, and say how many there were."""
-    from pcsr.clouds.formats import read_cloud, read_cloud_pipe
-    from pcsr.clouds.formats.format_table import named_by
+def _format(path: Path, suffix: str | None) -> str:
+    """Return the format of a file or pipe; see `format_of`."""
+    from pcsr.clouds.formats.format_table import format_of, named_by
 
+    if suffix is None and path.suffix == "":
+        suffix = ".ply"
+    return format_of(path, None if named_by(path) else suffix)
+
+
+def _read(path: Path, suffix: str | None, columns: str | None) -> "Cloud":
+    """Read a cloud, without points that are not finite, and say how many there were."""
+    from pcsr.clouds.formats import TEXT_READERS, read_cloud, read_cloud_pipe
+
+    kind = _format(path, suffix)
+    names = columns if kind in TEXT_READERS else None
     if path == PIPE:
-        cloud = read_cloud_pipe(streams.open_input(), suffix or ".ply", "the cloud from the pipe", bad="drop")
+        cloud = read_cloud_pipe(streams.open_input(), kind, "the cloud from the pipe", bad="drop", columns=names)
     else:
-        chosen = ".ply" if suffix is None and path.suffix == "" else suffix
-        cloud = read_cloud(path, None if named_by(path) else chosen, bad="drop")
+        cloud = read_cloud(path, kind, bad="drop", columns=names)
     if dropped := cloud.about.get("dropped"):
         click.echo(f"{path}: {dropped} points are not finite and are not shown", err=True)
     return cloud

@@ -148,7 +148,10 @@ def _has_word(name: str, words: re.Pattern[str]) -> bool:
 
 def _whole(values: np.ndarray) -> bool:
     """Return whether all finite values are whole numbers."""
-    return values.dtype.kind != "f" or bool(((values == np.rint(values)) | ~np.isfinite(values)).all())
+    if values.dtype.kind != "f":
+        return True
+    with np.errstate(invalid="ignore"):  # of signalling NaN
+        return bool(((values == np.rint(values)) | ~np.isfinite(values)).all())
 
 
 def _few(column: np.ndarray) -> bool:

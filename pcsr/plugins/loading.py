@@ -97,7 +97,7 @@ def _register(registry: Registry, load: Callable[[], object], owner: str, versio
 def _import_file(file: Path) -> ModuleType:
     if file.stat().st_size > LARGEST:
         raise UserError(f"{file} is larger than {LARGEST} bytes, the greatest size of a plugin file: split it")
-    # The hash of the path tells apart two files of the same name.
+    # With a hash of the path, two files of the same name get different names.
     name = f"pcsr_plugin_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:

@@ -145,7 +145,7 @@ def misfit(recipe: Recipe, trained: Recipe, registry: Registry) -> tuple[Keys, s
     Args:
         recipe: recipe that names the weights.
         trained: recipe of the weights' training.
-        registry: installed parts, whose traits tell which upsamplers support any rate.
+        registry: installed parts; their traits include which upsamplers support any rate.
 
     Returns:
         Keys and message, or None if the networks agree.

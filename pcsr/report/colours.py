@@ -18,7 +18,7 @@ CLASSES = [
     *("#00456b", "#9a6b00", "#006b4e", "#96476f", "#8f3f00", "#2a7ca8"),
     *("#e0579a", "#c2b83a", "#1c7c80", "#a98be0", "#7a4a2a", "#4a7a1c"),
 ]
-"""Colours of classes; the first ones are the easiest to tell apart."""
+"""Colours of classes; the first ones are the easiest to distinguish."""
 MARK = "#e69f00"
 """Colour of recorded touches beside points of any other colours."""
 INPUT, TOUCH, TRUTH = "#1f6fb2", "#d0202b", "#4a5560"

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    script = importlib.import_module("cases")
+    script, checks = importlib.import_module("cases"), importlib.import_module("case_checks")
 
 README = """
 | file | trouble | now | must |
@@ -46,6 +46,6 @@ def test_a_cloud_that_is_misread_is_not_ok(tmp_path):
     columns = np.arange(120.0).reshape(20, 6)
     np.savetxt(tmp_path / "xyzrgb.txt", columns)
     np.savetxt(tmp_path / "scan.xyz", columns[:, 1:4])
-    good, what = script.read(script.Case(tmp_path / "scan.xyz", tmp_path, "midpoint"))
+    good, what = checks.read(checks.Case(tmp_path / "scan.xyz", tmp_path, "midpoint"))
     assert not good
     assert what.startswith("misread: begins with [1.0, 2.0, 3.0], not [0.0, 1.0, 2.0]")

@@ -33,7 +33,7 @@ def made(tmp_path):
     """Write the results of a run; with every touch the error changes as `FACTOR` says once more."""
 
     def make(name, touches=4, *, objects=OBJECTS, beside=(), weights="w/frames.safetensors", sha="f" * 64, **of):
-        felt, view = of.pop("felt", True), {"noise": of.pop("noise", 0.0)}
+        has_touch, view = of.pop("has_touch", True), {"noise": of.pop("noise", 0.0)}
         touched = [PLAIN[one] * FACTOR[one] ** touches for one in objects]
         plain = [PLAIN[one] for one in objects]
         methods = [(name, touched), *((one, [1e-3 * (k + 1)] * len(objects)) for k, one in enumerate(beside))]
@@ -63,7 +63,7 @@ def made(tmp_path):
                 "counts": [5, 0, 1234],
                 "errors": dict.fromkeys((name, f"{name} without touch", *beside), ERRORS),
             }
-            if felt
+            if has_touch
             else None,
             "created": "2026",
         }
@@ -138,7 +138,7 @@ def test_runs_that_do_not_belong_together_are_refused(made, runs):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"felt": False}, "run 'size-b' has no touches, no cd or no weights"),
+        ({"has_touch": False}, "run 'size-b' has no touches, no cd or no weights"),
         ({"objects": ("c",)}, "the runs size-a, size-b have no object in common"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Columns of new points, through the command: labels stay labels, directions stay directions, sources are told."""
+"""Columns of new points, through the command: labels stay labels, directions stay directions, sources are marked."""
 
 import numpy as np
 import pytest
@@ -125,7 +125,7 @@ def test_colours_are_whole_and_between(tmp_path):
 
 
 def under(count=200):
-    """What a finger feels where the cloud has no points."""
+    """Touched points where the cloud has no points."""
     x, y = np.random.default_rng(6).uniform(-0.3, 0.3, (2, count))
     return np.column_stack([x, y, np.full(count, -1.0)])
 
@@ -151,12 +151,12 @@ def test_sources_are_written_in_every_format_with_columns(tmp_path, suffix, keep
         assert b"property uchar source" in (tmp_path / "out.ply").read_bytes()
 
 
-def test_touched_points_are_marked_as_they_were_felt():
-    felt = under()
+def test_touched_points_are_marked_and_unchanged():
+    given = under()
     with pytest.warns(UserWarning, match="touched points lie up to"):
-        dense = load("midpoint").upsample(Cloud(bowl()), [felt], rate=3, fields=["source"])
+        dense = load("midpoint").upsample(Cloud(bowl()), [given], rate=3, fields=["source"])
     touched = dense.points[dense.columns["source"] == 2]
-    known = {tuple(point) for point in felt.tolist()}
+    known = {tuple(point) for point in given.tolist()}
     assert {tuple(point) for point in dense.points.tolist()} & known == {tuple(point) for point in touched.tolist()}
     assert (np.flatnonzero(dense.columns["source"] == 2) == N + np.arange(len(touched))).all()
 

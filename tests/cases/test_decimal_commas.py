@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr import UserError
-from pcsr.clouds.formats import read_cloud_bytes
+from tests.clouds.reading import read_cloud_bytes
 
 POINTS = np.round(np.random.default_rng(0).normal(size=(40, 3)), 6)
 
@@ -16,7 +16,7 @@ POINTS = np.round(np.random.default_rng(0).normal(size=(40, 3)), 6)
 def read(text, suffix=".xyz", **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return read_cloud_bytes(text.encode(), suffix, "it", **options)
+        return read_cloud_bytes(text, suffix, **options)
 
 
 def german(rows, gap, form="{:.6f}", end="\n"):

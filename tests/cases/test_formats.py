@@ -11,7 +11,8 @@ from click.testing import CliRunner
 
 from pcsr.cli import pcsr
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, write_cloud, write_points
+from pcsr.clouds.formats import cloud_bytes, read_cloud, write_cloud, write_points
+from tests.clouds.reading import read_cloud_bytes
 
 pytestmark = pytest.mark.filterwarnings("default::pcsr.PcsrWarning")
 RNG = np.random.default_rng(0)
@@ -85,7 +86,7 @@ def test_a_format_is_obeyed_whatever_the_suffix(tmp_path):
         command += ["--format", suffix]
         piped = subprocess.run(command, input=given, capture_output=True, check=False)
         assert piped.returncode == 0, piped.stderr
-        dense = read_cloud_bytes(piped.stdout, written, "the output")
+        dense = read_cloud_bytes(piped.stdout, written)
         np.testing.assert_array_equal(dense.points[:60], POINTS)
 
 

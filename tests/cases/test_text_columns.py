@@ -1,22 +1,17 @@
 """Text whose columns are named, guessed, given or damaged: each is what its name says, or the file is refused."""
 
 import re
-import warnings
 
 import numpy as np
 import pytest
 
-from pcsr import PcsrWarning, UserError
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes, read_points
+from pcsr import UserError
+from pcsr.clouds.formats import cloud_bytes, read_cloud, read_points
+from tests.clouds.reading import read_with_notes
 
 
 def read(text, suffix=".xyz", **options):
-    """The cloud, and what was said about it."""
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        cloud = read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it", **options)
-    assert all(each.category is PcsrWarning and str(each.message).startswith("it: ") for each in said)
-    return cloud, [str(each.message)[4:] for each in said]
+    return read_with_notes(text, suffix, **options)
 
 
 def found(cloud):
@@ -132,7 +127,7 @@ def test_names_are_given_where_the_file_has_none(tmp_path):
     }.items():
         with pytest.raises(UserError, match=reason):
             read(text, columns=columns)
-    with pytest.raises(UserError, match=r"it is a \.npy file, whose columns .*: --columns is for \.asc, \.csv, \.pts"):
+    with pytest.raises(UserError, match=r"it is a \.npy file, whose format .*: --columns is for \.asc, \.csv, \.pts"):
         read(cloud_bytes(cloud, ".npy"), ".npy", columns="x,y,z")
 
 
@@ -159,11 +154,11 @@ def test_names_are_given_where_the_file_has_none(tmp_path):
         ("1 2.0 3.0\n2 5.0 6.0\n", "", None),
     ],
 )
-def test_a_guess_at_columns_without_names_is_told(text, columns, said):
-    cloud, told = read(text)
+def test_a_guess_at_columns_without_names_is_reported(text, columns, said):
+    cloud, notes = read(text)
     assert list(cloud.columns) == columns.split()
-    assert len(told) == (said is not None)
-    assert all(re.search(said, each) and "--columns" in each for each in told)
+    assert len(notes) == (said is not None)
+    assert all(re.search(said, each) and "--columns" in each for each in notes)
     assert all(column.dtype == np.uint8 for name, column in cloud.columns.items() if name in ("red", "alpha"))
     # The file had no line of names, and other programs would not expect one.
     assert cloud_bytes(cloud, ".xyz").decode().split()[:3] == ["1.0", "2.0", "3.0"]
@@ -204,41 +199,41 @@ def test_text_is_written_with_the_names_that_it_had():
 )
 def test_columns_of_words_and_gaps_are_read_and_told(text, columns, said):
     for suffix in (".csv", ".txt"):
-        cloud, told = read(text, suffix)
+        cloud, notes = read(text, suffix)
         assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
         values = {name: [None if np.isnan(x) else x for x in column] for name, column in cloud.columns.items()}
         assert values == columns
-        assert len(told) == len(said)
-        assert all(part in each for part, each in zip(said, told, strict=True))
+        assert len(notes) == len(said)
+        assert all(part in each for part, each in zip(said, notes, strict=True))
 
 
 @pytest.mark.parametrize(("gap", "suffix"), [(";", ".csv"), (",", ".csv"), ("|", ".txt")])
 def test_empty_rows_of_spreadsheets_are_left_out(gap, suffix):
     text = "sep=;\r\n\r\n;;\r\nx;y;z\r\n1;2;3\r\n;;\r\n4;5;6\r\n ; ;\r\n;;\r\n".replace(";", gap)
-    cloud, told = read(text, suffix)
+    cloud, notes = read(text, suffix)
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert told == ["3 lines of separators alone are left out"]
+    assert notes == ["3 lines of separators alone are left out"]
 
 
 def test_fractions_of_colours_are_black_where_they_are_missing():
-    cloud, told = read("x,y,z,r,g,b\n1,2,3,0.5,0.25,1\n1,2,4,,,\n", ".csv")
+    cloud, notes = read("x,y,z,r,g,b\n1,2,3,0.5,0.25,1\n1,2,4,,,\n", ".csv")
     assert found(cloud) == {"red": [0.5, 0], "green": [0.25, 0], "blue": [1, 0]}
-    assert told[1] == "missing colours became black"
+    assert notes[1] == "missing colours became black"
 
 
 def test_colours_on_some_vertices_of_an_obj_are_black_on_the_others():
-    cloud, told = read("v 1 2 3\nv 4 5 6 0.5 0.25 1\nv 7 8 9 1.0\nv 1 1 1 1 1 1 0.5\n", ".obj")
+    cloud, notes = read("v 1 2 3\nv 4 5 6 0.5 0.25 1\nv 7 8 9 1.0\nv 1 1 1 1 1 1 0.5\n", ".obj")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9], [1, 1, 1]]
     assert found(cloud) == {"red": [0, 0.5, 0, 1], "green": [0, 0.25, 0, 1], "blue": [0, 1, 0, 1]}
-    assert told == ["2 of 4 vertices have no colour and became black"]
+    assert notes == ["2 of 4 vertices have no colour and became black"]
     assert found(read("v 1 2 3 0 0 0 0.5\nv 1 2 3\n", ".obj")[0])["alpha"] == [0.5, 0]
 
 
 def test_colours_on_some_lines_only_are_black_on_the_others():
-    cloud, told = read("1 2 3 255 0 0\n4 5 6\n7 8 9 0 9 0\n4 5 7\n")
+    cloud, notes = read("1 2 3 255 0 0\n4 5 6\n7 8 9 0 9 0\n4 5 7\n")
     assert found(cloud) == {"red": [255, 0, 0, 0], "green": [0, 0, 9, 0], "blue": [0, 0, 0, 0]}
-    assert told[0] == "2 of 4 lines have 3 columns instead of 6: what they lack is NaN"
-    assert told[2] == "missing colours became black"
+    assert notes[0] == "2 of 4 lines have 3 columns instead of 6: what they lack is NaN"
+    assert notes[2] == "missing colours became black"
     with pytest.raises(UserError, match="line 3 has 5 columns, the first has 3"):  # two lines in one
         read("1 2 3\n4 5 6\n7 8 94 5 7\n")
 

@@ -1,20 +1,17 @@
 """Text in the encodings of spreadsheets and old scanners: read, or refused in words of ours."""
 
 import codecs
-import warnings
 
 import pytest
 
 from pcsr import UserError
-from pcsr.clouds.formats import read_cloud_bytes
+from tests.clouds.reading import read_with_notes
 
 TEXT = "# Höhe über Null\nx;y;z;Fläche\n1;2;3;7\n4;5;6;8\n"
 
 
 def read(data, suffix=".csv"):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        return read_cloud_bytes(data, suffix, "it"), [str(each.message) for each in said]
+    return read_with_notes(data, suffix)
 
 
 @pytest.mark.parametrize(

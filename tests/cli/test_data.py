@@ -98,9 +98,9 @@ def test_a_mistake_is_one_line_and_makes_no_folder(data, tmp_path, shapes, setti
 
 def test_info_prints_it_again_and_draws_the_objects(data, tmp_path):
     data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=6"])
-    told = data("info", tmp_path / "out")
-    assert told.exit_code == 0, told.output
-    assert "pictures of train/000, train/001, train/003, train/004: " in told.output
+    done = data("info", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "pictures of train/000, train/001, train/003, train/004: " in done.output
     page = (tmp_path / "out" / "info.html").read_text(encoding="utf-8")
     drawn = json.loads(page.split('id="drawn">')[1].split("</script>")[0])
     assert [row["name"] for row in drawn["examples"]] == ["train/000", "train/001", "train/003", "train/004"]
@@ -114,8 +114,8 @@ def test_info_prints_it_again_and_draws_the_objects(data, tmp_path):
 
 def test_info_shows_the_object_that_is_asked_for(data, tmp_path):
     data("make", "balls", "-o", tmp_path / "out", settings=[*SMALL, "count=3", "held_out=2"])
-    told = data("info", tmp_path / "out", "--object", "test/001", "--picture", tmp_path / "one.html")
-    assert told.exit_code == 0, told.output
+    done = data("info", tmp_path / "out", "--object", "test/001", "--picture", tmp_path / "one.html")
+    assert done.exit_code == 0, done.output
     assert "test/001" in (tmp_path / "one.html").read_text(encoding="utf-8")
     assert not (tmp_path / "out" / "info.html").exists()
     wrong = data("info", tmp_path / "out", "--object", "test/00l")

@@ -21,10 +21,10 @@ def test_it_prints_every_metric_with_its_convention(tmp_path):
     ball.export(tmp_path / "mesh.stl")
     write_points(tmp_path / "truth.ply", ball.vertices)
     write_points(tmp_path / "made.ply", ball.vertices * 1.01)
-    told = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
-    assert told.exit_code == 0, told.output
-    assert all(name in told.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
-    assert "normalised by the bounding sphere of the truth" in " ".join(told.output.split())
+    done = run("evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--mesh", tmp_path / "mesh.stl")
+    assert done.exit_code == 0, done.output
+    assert all(name in done.output for name in ("cd", "hd", "hd-pugcn", "emd", "p2f", "×10⁻³"))
+    assert "normalised by the bounding sphere of the truth" in " ".join(done.output.split())
     plain = run(
         "evaluate", tmp_path / "made.ply", tmp_path / "truth.ply", "--json", "--metric", "cd", "--frame", "none"
     )
@@ -48,10 +48,10 @@ def test_columns_of_text_are_named(tmp_path):
 def test_it_says_why_there_is_no_emd(tmp_path):
     write_points(tmp_path / "a.ply", np.random.default_rng(0).normal(size=(40, 3)))
     write_points(tmp_path / "b.ply", np.random.default_rng(1).normal(size=(30, 3)))
-    told = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
-    assert told.exit_code == 0
+    done = run("evaluate", tmp_path / "a.ply", tmp_path / "b.ply")
+    assert done.exit_code == 0
     assert (
-        "skipped: emd compares clouds of the same size, got 40 and 30 points: subsample the larger one" in told.output
+        "skipped: emd compares clouds of the same size, got 40 and 30 points: subsample the larger one" in done.output
     )
 
 
@@ -61,8 +61,8 @@ def test_it_measures_as_python_does_in_every_frame(tmp_path, frame):
     made = 1.1 * truth + 0.01
     write_points(tmp_path / "truth.npy", truth)
     write_points(tmp_path / "made.npy", made)
-    told = run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame, "--json")
-    assert json.loads(told.output) == evaluate(made, truth, frame=frame)
+    done = run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame, "--json")
+    assert json.loads(done.output) == evaluate(made, truth, frame=frame)
     table = " ".join(run("evaluate", tmp_path / "made.npy", tmp_path / "truth.npy", "--frame", frame).output.split())
     captions = {
         "truth": "normalised by the bounding sphere of the truth",
@@ -79,6 +79,6 @@ def test_it_measures_as_python_does_in_every_frame(tmp_path, frame):
 )
 def test_what_cannot_be_measured_is_said(tmp_path, options, said):
     write_points(tmp_path / "a.npy", np.random.default_rng(0).normal(size=(20, 3)))
-    told = run("evaluate", tmp_path / "a.npy", tmp_path / "a.npy", *options)
-    assert told.exit_code == 2
-    assert said in told.output
+    done = run("evaluate", tmp_path / "a.npy", tmp_path / "a.npy", *options)
+    assert done.exit_code == 2
+    assert said in done.output

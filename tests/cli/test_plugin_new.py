@@ -30,8 +30,8 @@ def new(tmp_path, monkeypatch):
 
 def test_every_kind_can_be_written_and_is_named_where_a_recipe_names_it():
     assert list(SECTIONS) == list(KINDS)
-    places = {(section, LISTED.get(kind, kind)) for kind, section in SECTIONS.items()}
-    assert places <= PARTS.keys() | NAMES.keys()
+    wanted = {(section, LISTED.get(kind, kind)) for kind, section in SECTIONS.items()}
+    assert wanted <= PARTS.keys() | NAMES.keys()
 
 
 @pytest.mark.slow
@@ -65,15 +65,15 @@ def test_the_module_registers_the_part_under_its_name(new, kind, tmp_path):
 @pytest.mark.parametrize("kind", SECTIONS)
 def test_what_pip_is_told_fits_the_files(kind):
     files = distribution(kind, "my-part")
-    told = tomllib.loads(files["pyproject.toml"])
-    assert told["project"]["name"] == "my-part"
-    assert told["project"]["entry-points"]["pcsr"] == {"my-part": "my_part"}
-    assert told["tool"]["hatch"]["build"]["targets"]["wheel"]["only-include"] == ["my_part.py"]
+    project_file = tomllib.loads(files["pyproject.toml"])
+    assert project_file["project"]["name"] == "my-part"
+    assert project_file["project"]["entry-points"]["pcsr"] == {"my-part": "my_part"}
+    assert project_file["tool"]["hatch"]["build"]["targets"]["wheel"]["only-include"] == ["my_part.py"]
     ours = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
     ours["build-system"]["requires"] = [
         one for one in ours["build-system"]["requires"] if "readme" not in one
     ]  # PyPI's
-    assert told["build-system"] == ours["build-system"]
+    assert project_file["build-system"] == ours["build-system"]
     assert not [file for file, text in files.items() if "$" in text]
     line = f"{LISTED[kind]}: [my-part]" if kind in LISTED else f"{kind}: {{use: my-part}}"
     assert f"{SECTIONS[kind]}:\n  {line}" in files["README.md"]

@@ -36,8 +36,8 @@ def test_table_4_is_the_papers_three_networks_and_others_each_with_zero_to_five_
     runs = load(path, registry)
     rows = {(r.model.encoder.use, r.model.fusion.use) for r in runs}
     assert rows > {("mlp", "none"), ("unet", "concat"), ("unet", "iterative")}
-    told = {(r.model.encoder.use, r.model.fusion.use, r.data.touches, r.seed) for r in runs}
-    assert told == {(*row, touches, seed) for row in rows for touches in range(6) for seed in range(3)}
+    values = {(r.model.encoder.use, r.model.fusion.use, r.data.touches, r.seed) for r in runs}
+    assert values == {(*row, touches, seed) for row in rows for touches in range(6) for seed in range(3)}
     assert {(r.touch_range, r.data_seed) for r in runs} == {((0, 5), 0)}, "one network serves every number of touches"
     assert len({r.fingerprint for r in runs}) == 3 * len(rows)
 

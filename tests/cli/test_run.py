@@ -64,12 +64,12 @@ def test_a_network_is_trained_on_several_folders_and_says_so(call, data):
     said = run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     assert f"replaced by {data[0]} and {data[1]}, except" in " ".join(said.split())
     assert f"{data[1]} has no split 'test'" in said
-    told, folder = results("smoke-*")
+    written, folder = results("smoke-*")
     card = read_card(folder / "weights.safetensors")
-    assert told["training"]["steps"] == card["training"]["steps"] == 4, "8 objects, two at a time"
+    assert written["training"]["steps"] == card["training"]["steps"] == 4, "8 objects, two at a time"
     assert [one["folder"] for one in card["data"]] == ["one", "two"]
     assert [one["objects"]["train"] for one in card["data"]] == [4, 4]
-    assert card["data_fingerprint"] == told["data"]["fingerprint"]
+    assert card["data_fingerprint"] == written["data"]["fingerprint"]
     assert card["recipe"]["joined"] == [one["fingerprint"] for one in card["data"]]
     again = run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
     assert "weights: this run folder" in again
@@ -113,15 +113,15 @@ def test_a_study_puts_finished_weights_beside_others_on_other_data(call, data):
     said = run(call, "study.yaml")
     assert "training, " not in said
     for name in ("study-done", "study-far"):
-        told, folder = results(f"{name}-*")
+        written, folder = results(f"{name}-*")
         assert not (folder / "weights.safetensors").exists()
         training = read_card(file)["training"]
-        assert {key: told["training"][key] for key in ("steps", "seconds", "device")} == {
+        assert {key: written["training"][key] for key in ("steps", "seconds", "device")} == {
             key: training[key] for key in ("steps", "seconds", "device")
         }
-        assert told["training"]["source"] == f"w of recipe 'smoke', sha256 {sha256(file)[:12]}"
-        assert told["recipe"]["train"]["epochs"] == 1, "as the weights were trained"
-        assert (told["data"]["points"], told["data"]["touches"], len(told["objects"])) == (48, 1, 3)
+        assert written["training"]["source"] == f"w of recipe 'smoke', sha256 {sha256(file)[:12]}"
+        assert written["recipe"]["train"]["epochs"] == 1, "as the weights were trained"
+        assert (written["data"]["points"], written["data"]["touches"], len(written["objects"])) == (48, 1, 3)
     assert Path("runs/study.html").is_file()
 
 
@@ -130,14 +130,14 @@ def test_weights_score_what_they_scored_when_they_were_trained(call, data):
     trained, folder = results(train(call, data).name)
     Path("w.yaml").write_text("name: w\nevaluate: {metrics: [cd]}\n", encoding="utf-8")
     run(call, "w.yaml", f"--set=weights={folder}/weights.safetensors", "--set=data.touches=2", "--data", data[0])
-    told, _ = results("w-*")
-    assert told["methods"][0]["values"] == trained["methods"][0]["values"]
+    written, _ = results("w-*")
+    assert written["methods"][0]["values"] == trained["methods"][0]["values"]
     call("export", folder, "-o", "half.safetensors", "--half")
     assert {tensor.dtype.itemsize for tensor in load_file("half.safetensors").values()} <= {2, 8}
     run(call, "w.yaml", "--set=name=h", "--set=weights=half.safetensors", "--set=data.touches=2", "--data", data[0])
     halved, _ = results("h-*")
-    assert halved["fingerprint"] != told["fingerprint"]
-    assert halved["methods"][0]["values"]["cd"] == pytest.approx(told["methods"][0]["values"]["cd"], rel=0.01)
+    assert halved["fingerprint"] != written["fingerprint"]
+    assert halved["methods"][0]["values"]["cd"] == pytest.approx(written["methods"][0]["values"]["cd"], rel=0.01)
 
 
 def test_weights_for_another_rate_are_refused_before_anything_runs(call, data):

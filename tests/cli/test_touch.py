@@ -78,6 +78,20 @@ def test_the_format_of_the_cloud_is_given(part, tmp_path):
     assert touch(*command, "--format", "kitti").exit_code == 0
 
 
+@pytest.mark.filterwarnings("always::pcsr.PcsrWarning")
+def test_the_columns_of_a_text_cloud_are_named(part, tmp_path):
+    points = trimesh.load(part).sample(300, seed=0)
+    points = points[points[:, 0] > 0]
+    np.savetxt(tmp_path / "half.txt", np.column_stack([np.arange(len(points)), points]), "%d %.17g %.17g %.17g")
+    command = (part, "-o", tmp_path / "touches", "--count", 3, "--policy", "sparse", "--cloud", tmp_path / "half.txt")
+    guessed = touch(*command).output
+    assert "name the columns by --columns -,x,y,z" in guessed
+    assert "it is in another unit or frame" in guessed
+    done = touch(*command, "--columns", "-,x,y,z")
+    assert done.exit_code == 0, done.output
+    assert all(one.points[:, 0].mean() < 0 for one in read(tmp_path / "touches").touches)
+
+
 def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
     command = (part, "-o", tmp_path / "touches", "--count", 1)
     assert touch(*command).exit_code == 0
@@ -99,6 +113,8 @@ def test_a_recording_is_not_overwritten_unless_asked(part, tmp_path):
         (["--source", "recordde"], "there is no touch 'recordde': did you mean 'recorded'?"),
         (["--cloud", "no.ply"], "no.ply"),
         (["--format", "kitti"], "--format kitti: it is the format of --cloud, which is not given"),
+        (["--columns", "x,y,z"], "--columns x,y,z: they are the columns of --cloud, which is not given"),
+        (["--cloud", "a.ply", "--columns", "x,y,z"], "a.ply is a .ply file, whose format names its columns"),
     ],
 )
 def test_a_mistake_is_one_line_and_writes_nothing(part, tmp_path, arguments, said):

@@ -116,8 +116,8 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     away = np.linalg.norm(surface[:, None] - points[None], axis=2).min(1)
     middle = surface[np.argsort(away)[-200]]  # of a gap: elsewhere the points of the scan are kept instead
     patch = surface[np.linalg.norm(surface - middle, axis=1).argsort()[:40]]
-    felt = [Touch.single(patch, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
-    write(tmp_path / "touches", felt)
+    touches = [Touch.single(patch, np.diag([1e-3, 1e-3, 1e-3, 1.0]), 1000.0, "digit")] * 2
+    write(tmp_path / "touches", touches)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "--rate", 2)
     plain = run(*command, "-o", tmp_path / "plain.npy")
@@ -139,10 +139,10 @@ def test_columns_of_text_are_guessed_aloud_or_given(tmp_path):
     assert "its first column holds integers and was taken for x" in said
     assert "its columns 5 to 7 were taken for colours" in said
     names = ("--columns", "-,x,y,z,red,green,blue")
-    told = run("upsample", tmp_path / "scan.txt", "-o", tmp_path / "told.ply", "--model", "midpoint", *names)
-    assert told.exit_code == 0, told.output
-    assert "taken for" not in told.output
-    dense = read_cloud(tmp_path / "told.ply")
+    named = run("upsample", tmp_path / "scan.txt", "-o", tmp_path / "named.ply", "--model", "midpoint", *names)
+    assert named.exit_code == 0, named.output
+    assert "taken for" not in named.output
+    dense = read_cloud(tmp_path / "named.ply")
     np.testing.assert_allclose(dense.points[:80], rows[:, 1:4], atol=1e-6)
     assert {name: column[0] for name, column in dense.columns.items()} == {"red": 250, "green": 9, "blue": 9}
     command = [Path(sys.executable).with_name("pcsr"), "upsample", "-", "-o", "-", "--model", "midpoint", *names]
@@ -150,7 +150,7 @@ def test_columns_of_text_are_guessed_aloud_or_given(tmp_path):
     piped = subprocess.run([*map(str, command), "--format", "txt"], input=content, capture_output=True, check=False)
     assert piped.returncode == 0, piped.stderr
     assert piped.stdout.startswith(b"x y z red green blue\n")
-    wrong = run("upsample", tmp_path / "told.ply", "-o", tmp_path / "b.ply", *names)
+    wrong = run("upsample", tmp_path / "named.ply", "-o", tmp_path / "b.ply", *names)
     assert wrong.exit_code == 2
     assert "--columns is for .asc, .csv, .pts, .txt, .xyz" in " ".join(wrong.output.split())
 

@@ -136,7 +136,20 @@ def test_the_format_of_a_file_whose_suffix_names_none_is_given(view):
     assert "name the right one, --format kitti" in view("a.bin").stderr
 
 
-def test_files_of_the_same_name_are_told_apart(view):
+def test_the_columns_of_text_are_named(view):
+    rows = np.column_stack([np.arange(25), POINTS[:25]])
+    np.savetxt("rows.txt", rows, "%d %.17g %.17g %.17g")
+    names = ("--columns", "-,x,y,z")
+    done = view("dense.ply", "rows.txt", "--before", "rows.txt", *names)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[:2] == ["dense.ply, 100 points: 25 old, 75 new", "rows.txt, 25 points: 25 old"]
+    content = Path("rows.txt").read_bytes()
+    piped = view("-", "--format", "txt", "--before", "scan.ply", *names, input=content)
+    assert piped.exit_code == 0, piped.output
+    assert piped.stdout.splitlines()[0] == "standard input, 25 points: 25 old"
+
+
+def test_files_of_the_same_name_are_distinguished(view):
     Path("b").mkdir()
     Path("b/scan.ply").write_bytes(Path("scan.ply").read_bytes())
     lines = view("scan.ply", "b/scan.ply").stdout.splitlines()
@@ -160,6 +173,10 @@ def test_a_name_that_is_no_text_is_shown(view):
         (["missing.ply"], "missing.ply"),
         (["scan.ply", "--before", "missing.ply"], "missing.ply"),
         (["scan.ply", "--format", "xyz"], "--format xyz: the suffixes of all clouds name their formats: leave it out"),
+        (
+            ["scan.ply", "--before", "dense.ply", "--columns", "x,y,z"],
+            "--columns x,y,z: no cloud is text, whose columns it could name: leave it out",
+        ),
         (["scan.ply", "--touch", "missing"], "missing"),
         ([], "FILE..."),
     ],

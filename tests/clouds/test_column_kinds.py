@@ -39,6 +39,12 @@ def test_labels_and_angles_are_taken_from_the_nearest_whatever_their_type(name):
         assert column_kinds({name: column}).nearest == [name]
 
 
+def test_signalling_nan_is_a_missing_value_like_any_other():
+    column = np.arange(N, dtype=np.float32)
+    column.view(np.uint32)[3] = 0x7FA00000
+    assert column_kinds({"intensity": column}).rounded == {"intensity"}  # a warning would be an error
+
+
 @pytest.mark.parametrize("name", MEASURED)
 def test_other_floats_are_averaged(name):
     kinds = column_kinds({name: floats()})

@@ -88,9 +88,9 @@ def test_arrays_of_any_numbers_with_more_columns_are_read(tmp_path):
 def test_an_npz_gives_its_points_or_its_only_array(tmp_path):
     np.savez(tmp_path / "a.npz", other=POINTS + 1, points=POINTS)
     assert read_points(tmp_path / "a.npz").tobytes() == POINTS.tobytes()
-    np.savez(tmp_path / "a.npz", felt=POINTS)
+    np.savez(tmp_path / "a.npz", touched=POINTS)
     assert read_points(tmp_path / "a.npz").tobytes() == POINTS.tobytes()
-    np.savez(tmp_path / "a.npz", point=POINTS, felt=POINTS)
+    np.savez(tmp_path / "a.npz", point=POINTS, touched=POINTS)
     with pytest.raises(UserError, match="holds 2 arrays, none of them 'points': did you mean 'point'"):
         read_points(tmp_path / "a.npz")
 

@@ -21,24 +21,24 @@ def square(x, side=10.0, count=512, scale=1.0, seed=0):
     return Touch.single(points * scale, pose, 1 / scale, "square", side**2)
 
 
-def felt(count, pose=None, unit=1.0, sensor="pad", area=None, seed=0):
+def random_touch(count, pose=None, unit=1.0, sensor="pad", area=None, seed=0):
     return Touch.single(np.random.default_rng(seed).normal(size=(count, 3)), pose, unit, sensor, area)
 
 
 def test_one_finger_feels_every_point():
     pose = np.diag([2.0, 2, 2, 1])
-    touch = felt(5, pose, area=3.0)
+    touch = random_touch(5, pose, area=3.0)
     assert list(touch.finger) == [0] * 5
     assert np.array_equal(touch.poses, [pose])
-    assert felt(5).poses.shape == (0, 4, 4)
-    assert felt(5).contact_area is None
+    assert random_touch(5).poses.shape == (0, 4, 4)
+    assert random_touch(5).contact_area is None
     single = Touch.single(np.ones((2, 3), np.float32), None, 1.0, "pad")
     assert single.points.dtype == np.float64
 
 
 def test_fingers_keep_their_points_and_poses():
     sizes = {3: "a", 2: "b", 4: "a"}
-    fingers = [felt(n, np.eye(4) * n, 25.4, name, area=float(n), seed=n) for n, name in sizes.items()]
+    fingers = [random_touch(n, np.eye(4) * n, 25.4, name, area=float(n), seed=n) for n, name in sizes.items()]
     grasp = Touch.grasp(fingers)
     assert list(grasp.finger) == [0, 0, 0, 1, 1, 2, 2, 2, 2]
     for index, finger in enumerate(fingers):
@@ -48,14 +48,14 @@ def test_fingers_keep_their_points_and_poses():
 
 
 def test_grasps_join_to_a_larger_grasp():
-    pair = Touch.grasp([felt(2, np.eye(4), seed=1), felt(3, np.eye(4) * 2, seed=2)])
-    both = Touch.grasp([felt(1, np.eye(4) * 3), pair])
+    pair = Touch.grasp([random_touch(2, np.eye(4), seed=1), random_touch(3, np.eye(4) * 2, seed=2)])
+    both = Touch.grasp([random_touch(1, np.eye(4) * 3), pair])
     assert list(both.finger) == [0, 1, 1, 2, 2, 2]
     assert np.array_equal(both.poses[:, 0, 0], [3, 1, 2])
 
 
 def test_fingers_without_poses_or_areas_stay_apart():
-    grasp = Touch.grasp([felt(2, area=1.0), felt(3)])
+    grasp = Touch.grasp([random_touch(2, area=1.0), random_touch(3)])
     assert list(grasp.finger) == [0, 0, 1, 1, 1]
     assert grasp.poses.shape == (0, 4, 4)
     assert grasp.contact_area is None
@@ -64,12 +64,12 @@ def test_fingers_without_poses_or_areas_stay_apart():
 @pytest.mark.parametrize(("units", "shown"), [([], r"\[\]"), ([1.0, 1000.0], r"\[1.0, 1000.0\]")])
 def test_fingers_in_several_units_are_refused(units, shown):
     with pytest.raises(UserError, match=f"the fingers of a grasp need the same unit, got {shown} mm"):
-        Touch.grasp([felt(2, unit=unit) for unit in units])
+        Touch.grasp([random_touch(2, unit=unit) for unit in units])
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 100))
 def test_thinned_draws_each_point_as_often_as_any_other(first, second, count):
-    grasp = Touch.grasp([felt(first, np.eye(4), seed=1), felt(second, np.eye(4), seed=2)])
+    grasp = Touch.grasp([random_touch(first, np.eye(4), seed=1), random_touch(second, np.eye(4), seed=2)])
     thin = grasp.resampled(count, np.random.default_rng(0))
     assert len(thin.points) == len(thin.finger) == count
     at = [np.flatnonzero((grasp.points == point).all(1)).item() for point in thin.points]
@@ -80,7 +80,7 @@ def test_thinned_draws_each_point_as_often_as_any_other(first, second, count):
 
 
 def test_thinned_is_random_and_repeatable():
-    touch = felt(100)
+    touch = random_touch(100)
     one, same, other = (touch.resampled(10, np.random.default_rng(seed)).points for seed in (0, 0, 1))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
@@ -88,7 +88,7 @@ def test_thinned_is_random_and_repeatable():
 
 def test_a_touch_of_nothing_cannot_be_thinned():
     with pytest.raises(UserError, match="a touch by 'pad' has no points"):
-        felt(0).resampled(4, np.random.default_rng(0))
+        random_touch(0).resampled(4, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.001])
@@ -108,7 +108,8 @@ def test_coverage_is_that_of_every_pair_looked_at():
     rng = np.random.default_rng(3)
     touches = [
         replace(
-            felt(30, unit=2.0, area=rng.uniform(20, 90), seed=n), points=rng.normal(size=(30, 3)) + rng.uniform(0, 9, 3)
+            random_touch(30, unit=2.0, area=rng.uniform(20, 90), seed=n),
+            points=rng.normal(size=(30, 3)) + rng.uniform(0, 9, 3),
         )
         for n in range(40)
     ]
@@ -137,4 +138,4 @@ def test_coverage_never_exceeds_the_whole():
 
 def test_coverage_needs_the_area_of_every_touch():
     with pytest.raises(UserError, match="the contact area of touch 1 by 'pad' is not known"):
-        covered_area_share([square(0), felt(5)], 120.0)
+        covered_area_share([square(0), random_touch(5)], 120.0)

@@ -68,8 +68,8 @@ def test_each_batch_draws_its_own_number_of_touches():
 def test_touches_of_a_row_are_different_touches_of_its_object():
     made = batches(touches=(3, 3), size=1, count=1)
     sphere = UnitSphere.fit(made.split.points[0].numpy())
-    felt = made.at(0).touches.points[0]
-    assert {touch.numpy().tobytes() for touch in felt} == {
+    touched = made.at(0).touches.points[0]
+    assert {touch.numpy().tobytes() for touch in touched} == {
         sphere.normalize(touch.numpy()).tobytes() for touch in made.split.touches[0]
     }
 

@@ -14,7 +14,7 @@ from tests.data.test_batches import ALL, batches, clouds, split
 from tests.processes import alive, killed_while, wait_for
 
 
-class Told(Batches):
+class ProcessBatches(Batches):
     """Says who made a batch, in the place of what it holds."""
 
     def at(self, step, rank=0, ranks=1):
@@ -34,7 +34,7 @@ def test_batches_are_those_made_in_place_and_in_their_order(loaders, rank, ranks
 
 
 def test_they_are_made_by_as_many_processes_with_a_thread_each():
-    made = [batch.truth.tolist() for batch in prepared(Told(split(), 4, (0, 2), (), 3), range(8), 2)]
+    made = [batch.truth.tolist() for batch in prepared(ProcessBatches(split(), 4, (0, 2), (), 3), range(8), 2)]
     makers = {maker for maker, _, _ in made}
     assert len(makers) == 2
     assert os.getpid() not in makers
@@ -43,14 +43,14 @@ def test_they_are_made_by_as_many_processes_with_a_thread_each():
 
 def test_a_stop_of_the_process_group_leaves_the_loaders_alone_so_that_the_step_in_hand_ends():
     """As Ctrl-C and a scheduler's polite kill do, which go to all of a group."""
-    heard = []
-    before = signal.signal(signal.SIGTERM, lambda *_: heard.append(True))
+    signals = []
+    before = signal.signal(signal.SIGTERM, lambda *_: signals.append(True))
     try:
-        ahead = iter(prepared(Told(split(), 4, (0, 2), (), 3), range(40), 2))
+        ahead = iter(prepared(ProcessBatches(split(), 4, (0, 2), (), 3), range(40), 2))
         maker, group, _ = next(ahead).truth.tolist()
         assert group == maker != os.getpgrp()
         os.kill(os.getpid(), signal.SIGTERM)
-        assert heard
+        assert signals
         assert len(list(ahead)) == 39
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -80,7 +80,9 @@ def test_loaders_end_with_a_training_that_was_killed(tmp_path):
 
 
 def test_no_process_is_started_where_none_is_asked_for():
-    assert {batch.truth[0].item() for batch in prepared(Told(split(), 4, (0, 2), (), 3), range(3), 0)} == {os.getpid()}
+    assert {batch.truth[0].item() for batch in prepared(ProcessBatches(split(), 4, (0, 2), (), 3), range(3), 0)} == {
+        os.getpid()
+    }
 
 
 @pytest.mark.slow

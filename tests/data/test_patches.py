@@ -49,8 +49,8 @@ def test_some_touches_belong_to_a_patch_and_some_do_not():
 
 def test_many_patches_are_around_a_touch():
     given = split()
-    felt = [0.01 * touch + truth[0] for touch, truth in zip(given.touches, given.truth, strict=True)]
-    far = dataclasses.replace(given, touches=felt)
+    touched = [0.01 * touch + truth[0] for touch, truth in zip(given.touches, given.truth, strict=True)]
+    far = dataclasses.replace(given, touches=touched)
     made = Batches(far, 7, (1, 1), (), 0, PATCHES)
     at_touch = [row.any() for step in range(20) for row in made.at(step).touches.mask]
     assert 0.5 < np.mean(at_touch) < 1

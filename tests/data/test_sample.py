@@ -53,7 +53,7 @@ def test_what_is_asked_for_is_drawn(recipe):
 
 def test_mixed_is_each_of_the_kinds_for_about_a_quarter_of_the_objects(recipe):
     def kind(one):
-        """Told from the outside: by whether it is part of the truth, and how even it is."""
+        """Found by whether it is part of the truth, and how even it is."""
         if not {tuple(p) for p in one.points} <= {tuple(p) for p in one.truth}:
             return "view"
         even = spacing(one.points).min() / spacing(one.points).max()
@@ -132,12 +132,12 @@ def test_item_seeds_are_seeds(seed, name):
 
 
 def slowly_covered(truth, touches):
-    felt, shares = [False] * len(truth), []
+    touched, shares = [False] * len(truth), []
     for touch in touches:
         gaps = [min(np.linalg.norm(p - q) for j, q in enumerate(touch) if j != i) for i, p in enumerate(touch)]
         for k, point in enumerate(truth):
-            felt[k] = felt[k] or min(np.linalg.norm(point - p) for p in touch) < 2 * np.mean(gaps)
-        shares.append(sum(felt) / len(truth))
+            touched[k] = touched[k] or min(np.linalg.norm(point - p) for p in touch) < 2 * np.mean(gaps)
+        shares.append(sum(touched) / len(truth))
     return tuple(shares)
 
 
@@ -171,14 +171,14 @@ def test_touches_of_nowhere_are_refused(recipe, wrong):
 
 
 @given(seed=st.integers(0, 1000))
-def test_coverage_is_the_share_that_any_of_the_touches_felt(seed):
+def test_coverage_is_the_share_that_any_of_the_touches_covers(seed):
     rng = np.random.default_rng(seed)
     truth = rng.uniform(-1, 1, (40, 3))
     touches = [rng.uniform(-0.5, 0.5, (6, 3)) for _ in range(3)]
-    felt = covered_points(truth, touches)
-    assert felt.shape == (3, 40)
-    assert covered(truth, touches) == tuple(felt[: k + 1].any(0).mean() for k in range(3))
-    for row, touch in zip(felt, touches, strict=True):
-        assert np.array_equal(covered_points(truth, [touch])[0], row), "a touch feels the same beside others"
+    touched = covered_points(truth, touches)
+    assert touched.shape == (3, 40)
+    assert covered(truth, touches) == tuple(touched[: k + 1].any(0).mean() for k in range(3))
+    for row, touch in zip(touched, touches, strict=True):
+        assert np.array_equal(covered_points(truth, [touch])[0], row), "a touch covers the same beside others"
     assert covered_points(truth, []).shape == (0, 40)
     assert covered(truth, []) == ()

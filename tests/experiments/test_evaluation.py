@@ -75,7 +75,7 @@ def test_the_network_is_asked_twice_and_baselines_once(recipe, registry, split):
     made = evaluate(recipe, registry, compared, split, jobs=1, advance=lambda: ticks.append(1))
     assert [len(touches) for touches in ours.touches] == [2, 0] * 3
     assert [len(touches) for touches in other.touches] == [2] * 3
-    assert all(np.array_equal(felt, split.touches[k][:2]) for k, felt in enumerate(other.touches))
+    assert all(np.array_equal(region, split.touches[k][:2]) for k, region in enumerate(other.touches))
     assert len(ticks) == 2 * 3 * 2
     assert [method.name for method in made.methods] == ["ours", "other"]
     assert made.touch.touched == made.methods[0].values["cd"]
@@ -136,24 +136,24 @@ def test_without_touches_there_is_no_second_time(registry, split):
     assert results_of(recipe, split, made, {}).touch is None
 
 
-def slowly_felt(truth, touches):
+def slowly_covered(truth, touches):
     """Of two touches: nearer to a touched point than twice the mean distance from those to their nearest."""
-    felt = np.zeros(len(truth), bool)
+    region = np.zeros(len(truth), bool)
     for touch in touches:
         apart = [np.linalg.norm(touch - point, axis=1) for point in np.unique(touch, axis=0)]
         gap = np.mean([min(d for d in distances if d > 0) for distances in apart])
-        felt |= np.array([np.linalg.norm(touch - point, axis=1).min() <= 2 * gap for point in truth])
-    return felt
+        region |= np.array([np.linalg.norm(touch - point, axis=1).min() <= 2 * gap for point in truth])
+    return region
 
 
-def test_the_region_is_what_counts_as_felt(recipe, registry, split):
-    """The truth, moved by less than would bring a point to another's: only what the first two touches felt returns."""
+def test_the_region_is_what_the_touches_cover(recipe, registry, split):
+    """The truth, moved by less than the distance to another point: only what the first two touches cover returns."""
     clouds, expected, off = [], [], np.array([1e-4, 0, 0], np.float32)
     for truth, touches, shares in zip(split.truth, split.touches, split.covered, strict=True):
-        felt = slowly_felt(truth.numpy(), touches[:2].numpy())
-        assert felt.mean() == shares[1]
+        region = slowly_covered(truth.numpy(), touches[:2].numpy())
+        assert region.mean() == shares[1]
         clouds += [truth.numpy(), truth.numpy() + off]
-        rest = torch.from_numpy(truth.numpy() + off * ~felt[:, None])
+        rest = torch.from_numpy(truth.numpy() + off * ~region[:, None])
         expected.append(METRICS["cd"](rest[None], truth[None]))
     given = iter(clouds)
     made = evaluate(recipe, registry, [Method("ours", 5, lambda points, touches: next(given))], split, jobs=1)

@@ -43,10 +43,10 @@ def split():
     generator = torch.Generator().manual_seed(0)
     truth = torch.nn.functional.normalize(torch.randn(8, 256, 3, generator=generator), dim=-1)
     names = [str(i) for i in range(8)]
-    felt = truth[:, :60].reshape(8, 2, 30, 3)
+    touched = truth[:, :60].reshape(8, 2, 30, 3)
     spheres = [UnitSphere.fit(cloud.numpy()) for cloud in truth]
     return Split(
-        names, names, list(truth), list(truth[:, 100:164]), list(felt), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
+        names, names, list(truth), list(truth[:, 100:164]), list(touched), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
     )
 
 
@@ -125,10 +125,10 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     run = ("run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "runs", "--data", tmp_path / "data")
     assert "midpoint" in call(*run, *small, *plugin)
     (results,) = (tmp_path / "runs").glob("smoke-*/results.json")
-    told = json.loads(results.read_text())
+    written = json.loads(results.read_text())
     manifest = json.loads((tmp_path / "data" / "manifest.json").read_text())
-    assert told["data"]["fingerprint"] == manifest["fingerprint"]
-    assert (told["data"]["shapes"], told["data"]["points"], told["recipe"]["data"]["seed"]) == ("balls", 64, 5)
+    assert written["data"]["fingerprint"] == manifest["fingerprint"]
+    assert (written["data"]["shapes"], written["data"]["points"], written["recipe"]["data"]["seed"]) == ("balls", 64, 5)
     assert not (tmp_path / "runs" / "data").exists()
     assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before
 

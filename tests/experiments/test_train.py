@@ -22,14 +22,6 @@ def recipe(tmp_path) -> Recipe:
     return tiny(tmp_path)
 
 
-@pytest.fixture
-def two_threads():
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
-
-
 def test_small_batches_are_trained_on_one_thread_and_give_the_others_back(two_threads, recipe, tmp_path):
     several = trained(recipe, tmp_path / "run")
     assert torch.get_num_threads() == 2

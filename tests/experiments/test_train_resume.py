@@ -55,14 +55,6 @@ def test_a_signal_ends_the_step_and_writes_its_checkpoint(recipe, tmp_path, numb
     assert same(whole, resumed)
 
 
-@pytest.fixture
-def two_threads():
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
-
-
 @pytest.mark.slow
 def test_a_training_goes_on_with_the_threads_that_it_began_with(two_threads, recipe, tmp_path, monkeypatch):
     monkeypatch.setattr("pcsr.threads.WORK_PER_THREAD", 1)

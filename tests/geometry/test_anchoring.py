@@ -1,4 +1,4 @@
-"""An even cloud in which touched points stand in their places."""
+"""An even cloud in which touched points keep their positions."""
 
 import numpy as np
 import pytest
@@ -37,15 +37,15 @@ def slow_left(points, count, touched):
     """Touched points that keep apart, as long as they do, and the guessed ones that are no touched one's neighbour."""
     guessed = range(touched, len(points))
     gap = subset_spacing(points[touched:], count)
-    felt = []
+    contact = []
     for i in farthest_points(points[:touched], touched).tolist():
-        if any(np.linalg.norm(points[i] - points[j]) < TOUCHED_SPACING * gap for j in felt) and len(
-            felt
+        if any(np.linalg.norm(points[i] - points[j]) < TOUCHED_SPACING * gap for j in contact) and len(
+            contact
         ) >= count - len(guessed):
             break
-        felt.append(i)
+        contact.append(i)
     clear = [i for i in guessed if min(np.linalg.norm(points[i] - p) for p in points[:touched]) >= CLEARANCE * gap]
-    return [*felt, *clear]
+    return [*contact, *clear]
 
 
 @pytest.mark.parametrize("surface", [sphere, square])
@@ -89,20 +89,20 @@ def test_a_touched_region_consists_of_touched_points_and_is_no_denser_than_the_r
     touched, count = 1000, 600
     points = np.concatenate([patch(rng, touched), square(rng, 4800)])
     kept = even_subset(points, count, touched)
-    felt, guessed = points[kept[kept < touched]], points[kept[kept >= touched]]
+    contact, guessed = points[kept[kept < touched]], points[kept[kept >= touched]]
     gap = CLEARANCE * subset_spacing(points[touched:], count)
     assert cKDTree(points[:touched]).query(guessed)[0].min() >= gap
     assert not (np.abs(guessed) < 0.35 - gap).all(1).any()
-    inside = len(felt) / 0.7**2
+    inside = len(contact) / 0.7**2
     outside = ((np.abs(guessed) > 0.4).any(1) & (np.abs(guessed) < 0.95).all(1)).sum() / (1.9**2 - 0.8**2)
     assert inside == pytest.approx(outside, rel=0.25)
 
 
 def test_which_are_kept_does_not_depend_on_the_order():
     rng = np.random.default_rng(3)
-    felt, guessed = patch(rng, 60), square(rng, 200)
-    points = np.concatenate([felt, guessed])
-    other = np.concatenate([rng.permutation(felt), rng.permutation(guessed)])
+    contact, guessed = patch(rng, 60), square(rng, 200)
+    points = np.concatenate([contact, guessed])
+    other = np.concatenate([rng.permutation(contact), rng.permutation(guessed)])
     one, two = points[even_subset(points, 120, 60)], other[even_subset(other, 120, 60)]
     assert {tuple(p) for p in one} == {tuple(p) for p in two}
 
@@ -110,11 +110,11 @@ def test_which_are_kept_does_not_depend_on_the_order():
 def test_where_no_point_can_be_spared_the_guessed_ones_farthest_from_touched_ones_stay():
     """Each of a few touched points would take the place of several others, and too few would be left."""
     lattice = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0), [0.0]), -1).reshape(-1, 3)
-    felt = np.array([[1.4, 1.5, 0], [6.4, 1.5, 0], [1.4, 6.5, 0], [6.4, 6.5, 0], [4.4, 4.5, 0]])
-    points = np.concatenate([felt, lattice])
+    contact = np.array([[1.4, 1.5, 0], [6.4, 1.5, 0], [1.4, 6.5, 0], [6.4, 6.5, 0], [4.4, 4.5, 0]])
+    points = np.concatenate([contact, lattice])
     assert len(slow_left(points, 100, 5)) == 85
     kept = even_subset(points, 100, 5)
-    away = np.linalg.norm(lattice[:, None] - felt[None], axis=2).min(1)
+    away = np.linalg.norm(lattice[:, None] - contact[None], axis=2).min(1)
     gone = np.setdiff1d(np.arange(5, 105), kept) - 5
     assert set(range(5)) <= set(kept.tolist())
     assert len(gone) == 5

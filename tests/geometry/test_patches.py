@@ -26,6 +26,16 @@ def test_each_point_is_in_the_core_of_one_patch(count, size, seed):
         assert patch.core <= size // 2 or len(made) == 1
 
 
+@given(count=st.integers(2, 500), part=st.floats(0.1, 1), size=st.integers(8, 80), seed=st.integers(0, 99))
+def test_cores_lie_within_a_part_of_the_cloud_and_margins_anywhere(count, part, size, seed):
+    points = cloud(count, seed)
+    within = np.sort(np.random.default_rng(seed).choice(count, max(1, round(part * count)), replace=False))
+    made = list(patches(points, size, size // 2, within))
+    assert sorted(np.concatenate([patch.rows[: patch.core] for patch in made])) == list(within)
+    for patch in made:
+        assert len(patch.rows) == len(set(patch.rows)) == min(size, count)
+
+
 def test_a_margin_is_what_is_nearest_to_the_core():
     points = cloud(2000)
     for patch in patches(points, 64, 32):

@@ -24,13 +24,13 @@ def test_heights_agree_with_solving_every_triangle():
     mesh = trimesh.Trimesh(rng.normal(size=(45, 3)), np.arange(45).reshape(15, 3), process=False)
     rays = MeshRays(mesh, None, "triangles")
     centre = mesh.bounds.mean(0)
-    places = rng.uniform(-1, 1, (200, 3))
+    positions = rng.uniform(-1, 1, (200, 3))
     axes = rng.normal(size=(200, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    slow = [highest(mesh.triangles - centre, *line) for line in zip(places, axes, strict=True)]
+    slow = [highest(mesh.triangles - centre, *line) for line in zip(positions, axes, strict=True)]
     assert np.isfinite(slow).sum() > 50
     assert np.isneginf(slow).sum() > 10
-    np.testing.assert_allclose(rays.heights(places, axes), slow, atol=1e-6)
+    np.testing.assert_allclose(rays.heights(positions, axes), slow, atol=1e-6)
 
 
 def test_a_wall_seen_edge_on_gives_no_point_off_the_mesh():
@@ -40,22 +40,22 @@ def test_a_wall_seen_edge_on_gives_no_point_off_the_mesh():
     axes = np.column_stack([grazing, np.zeros(20_000), np.ones(20_000)])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     beside = rng.normal(size=20_000) * 10 ** rng.uniform(-8, -4, 20_000)
-    places = np.column_stack([5 + beside, rng.uniform(-5, 5, (20_000, 2))])
-    heights = rays.heights(places, axes)
+    positions = np.column_stack([5 + beside, rng.uniform(-5, 5, (20_000, 2))])
+    heights = rays.heights(positions, axes)
     met = np.isfinite(heights)
     assert met.sum() > 10_000
-    points = places[met] + axes[met] * heights[met, None]
+    points = positions[met] + axes[met] * heights[met, None]
     assert np.abs(np.abs(points).max(1) - 5).max() < 1e-5
 
 
 def test_places_are_uniform_by_area_on_the_surface():
     mesh = trimesh.creation.box((1, 2, 4)).subdivide_loop(1)  # triangles of many sizes
-    places, normals = MeshRays(mesh, None, "box").surface_points(20_000, np.random.default_rng(0))
-    _, distance, face = trimesh.proximity.closest_point_naive(mesh, places[:300] + mesh.bounds.mean(0))
+    positions, normals = MeshRays(mesh, None, "box").surface_points(20_000, np.random.default_rng(0))
+    _, distance, face = trimesh.proximity.closest_point_naive(mesh, positions[:300] + mesh.bounds.mean(0))
     assert distance.max() < 1e-9
     assert np.abs(np.einsum("ij,ij->i", normals[:300], mesh.face_normals[face])).min() > 0.99
     halves = (mesh.triangles_center - mesh.bounds.mean(0))[:, 2] > 0
-    assert np.mean(places[:, 2] > 0) == pytest.approx(mesh.area_faces[halves].sum() / mesh.area, abs=0.02)
+    assert np.mean(positions[:, 2] > 0) == pytest.approx(mesh.area_faces[halves].sum() / mesh.area, abs=0.02)
 
 
 def test_to_object_undoes_size_and_centre():
@@ -63,8 +63,8 @@ def test_to_object_undoes_size_and_centre():
     mesh.apply_translation([100, -50, 3])
     rays = MeshRays(mesh, 60.0, "ball")
     assert rays.size == pytest.approx(60)
-    places, _ = rays.surface_points(50, np.random.default_rng(0))
-    back = places @ rays.to_object[:3, :3].T + rays.to_object[:3, 3]
+    positions, _ = rays.surface_points(50, np.random.default_rng(0))
+    back = positions @ rays.to_object[:3, :3].T + rays.to_object[:3, 3]
     radius = np.linalg.norm(back - [100, -50, 3], axis=1)
     assert ((radius > 0.019) & (radius < 0.02 + 1e-9)).all()
 

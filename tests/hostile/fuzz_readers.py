@@ -27,7 +27,7 @@ import warnings
 from pathlib import Path
 
 SECONDS = 10.0
-"""Of the processor that one input may take: on a busy machine the clock would tell of others."""
+"""Of the processor that one input may take: on a busy machine the clock would count others."""
 MEGABYTES = 600
 """By which the process may grow for one input."""
 ADDRESSES = 12 << 30
@@ -35,7 +35,7 @@ LONGEST = 2000
 """Letters of the longest message."""
 
 
-def attempt(seed, folder, heard):
+def attempt(seed, folder, stderr):
     """Read one input; what is wrong with how it went, or None."""
     from pcsr.errors import PcsrError, PcsrWarning
 
@@ -59,8 +59,8 @@ def attempt(seed, folder, heard):
     warned = [one for one in warned if not issubclass(one.category, PcsrWarning)]  # of what was left out
     if said is None and warned:
         said = f"warning: {warned[0].category.__name__}: {warned[0].message} ({warned[0].filename}:{warned[0].lineno})"
-    if said is None and heard.tell_new():
-        said = f"on stderr: {heard.last[:300]}"
+    if said is None and stderr.has_new():
+        said = f"on stderr: {stderr.last[:300]}"
     if said is None and seconds > SECONDS:
         said = f"{seconds:.1f} seconds"
     if said is None and grown > MEGABYTES:
@@ -68,7 +68,7 @@ def attempt(seed, folder, heard):
     return said
 
 
-class Heard:
+class Stderr:
     """What anything, compiled libraries included, wrote to stderr, which goes into a file meanwhile."""
 
     def __init__(self, path):
@@ -76,7 +76,7 @@ class Heard:
         self.at, self.last = 0, ""
         os.dup2(self.file.fileno(), 2)
 
-    def tell_new(self):
+    def has_new(self):
         self.file.seek(self.at)
         self.last = self.file.read().decode(errors="replace")
         self.at += len(self.last)
@@ -89,12 +89,12 @@ def work(options):
     mutations, made = importlib.import_module("mutations"), importlib.import_module("seeds")
 
     seeds = [seed for name, kind in made.KINDS.items() if name in options.kinds for seed in kind()]
-    folder, heard = options.folder / "input", Heard(options.folder / "stderr")
+    folder, stderr = options.folder / "input", Stderr(options.folder / "stderr")
     for seed in seeds:
         put(folder, seed.files)
         if not seed.refused:
             seed.read(folder)
-    heard.tell_new()
+    stderr.has_new()
     start, index, found = time.monotonic(), options.index or 0, {}
     while time.monotonic() - start < options.minutes * 60:
         rng = random.Random(f"{options.seed}/{index}")
@@ -103,7 +103,7 @@ def work(options):
         same = next(iter(other.files.values()))
         put(folder, seed.files | {name: mutations.mutated(name, seed.files[name], rng, same)})
         (options.folder / "index").write_text(f"{index} {seed.name} {name}")
-        said = attempt(seed, folder, heard)
+        said = attempt(seed, folder, stderr)
         if said is not None:
             key = said[-150:]
             found[key] = found.get(key, 0) + 1

@@ -126,17 +126,17 @@ def _in_zip(data: bytes, rng: random.Random) -> bytes:
 def _in_json(data: bytes, rng: random.Random) -> bytes:
     """Another value somewhere in a JSON."""
     tree = [json.loads(data)]
-    places: list[tuple[Any, Any]] = []
+    items: list[tuple[Any, Any]] = []
 
     def walk(node: Any) -> None:
         for key in node if isinstance(node, dict) else range(len(node)):
-            places.append((node, key))
+            items.append((node, key))
             if isinstance(node[key], dict | list):
                 walk(node[key])
 
     walk(tree)
     for _ in range(rng.choice((1, 1, 2))):
-        node, key = rng.choice(places)
+        node, key = rng.choice(items)
         if rng.random() < 0.2:
             del node[key]
             break

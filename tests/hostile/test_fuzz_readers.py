@@ -24,7 +24,7 @@ def test_what_is_wrong_is_found(tmp_path):
     """A reader that lets an error through is a finding."""
     program = f"""
 import sys
-sys.argv = ["fuzz", "--minutes", "0.02", "--kinds", "meshes", "--folder", {str(tmp_path)!r}]
+sys.argv = ["fuzz", "--index", "2", "--kinds", "meshes", "--folder", {str(tmp_path)!r}]
 sys.path.insert(0, {str(FUZZER.parent)!r})
 import pcsr.clouds.meshes as meshes
 meshes.UserError = KeyError

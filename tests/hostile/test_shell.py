@@ -82,7 +82,7 @@ def test_a_cloud_for_a_closed_output_is_refused_before_the_work(sh):
 
 
 def test_a_command_that_nobody_hears_does_its_work(folder):
-    out = folder / "heard.xyz"
+    out = folder / "cloud.xyz"
     command = f"{PCSR} upsample in.xyz -o {out} --model midpoint <&- >&- 2>&-"
     assert subprocess.run(["sh", "-c", command], cwd=folder, timeout=60).returncode == 0
     assert len(np.loadtxt(out)) == 240  # and nothing that was printed went into it
@@ -136,7 +136,7 @@ def test_a_current_folder_that_is_gone(sh):
 def test_ctrl_c_at_any_moment_is_one_line(folder, seconds):
     """In a pipe, so that the command waits for its input where it comes so far."""
     python, *command = [*PCSR.split(), "upsample", "-", "-o", "out.ply"]
-    command = [python, "-X", "importtime", *command]  # which tells whether pcsr had begun
+    command = [python, "-X", "importtime", *command]  # which shows whether pcsr had begun
     process = subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)

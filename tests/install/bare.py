@@ -1,4 +1,4 @@
-"""A process in which only the core's packages can be found. It runs what its input says, and tells what came of it.
+"""A process in which only the core's packages can be found. It runs what its input says, and prints the results.
 
 Input, as JSON: `absent`, top-level modules that are not to be found, and `commands`, lists of arguments of `pcsr`, or
 Python to execute in a list of its own: `["-c", "…"]`. Output: for each its code, what it printed, and which absent

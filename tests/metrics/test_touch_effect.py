@@ -1,4 +1,4 @@
-"""What touch does to a network, against slow ways of telling it and on clouds that are known."""
+"""What touch does to a network, against slow references and on known clouds."""
 
 import math
 
@@ -19,18 +19,18 @@ def plane(side: int, seed: int = 0) -> torch.Tensor:
     return flat * torch.tensor([1.0, 1.0, 0.0])
 
 
-def slowly_replaced(dense, truth, felt):
-    kept = [p for p in dense.tolist() if not felt[min(range(len(truth)), key=lambda k: math.dist(p, truth[k]))]]
-    return [*kept, *(truth[k].tolist() for k in range(len(truth)) if felt[k])]
+def slowly_replaced(dense, truth, region):
+    kept = [p for p in dense.tolist() if not region[min(range(len(truth)), key=lambda k: math.dist(p, truth[k]))]]
+    return [*kept, *(truth[k].tolist() for k in range(len(truth)) if region[k])]
 
 
 @given(seed=st.integers(0, 1000))
 def test_the_region_is_replaced_as_the_slow_way_does(seed):
     generator = torch.Generator().manual_seed(seed)
     dense, truth = (torch.rand(n, 3, generator=generator) for n in (20, 30))
-    felt = torch.rand(30, generator=generator) < 0.3
+    region = torch.rand(30, generator=generator) < 0.3
     torch.testing.assert_close(
-        replace_region(dense, truth, felt), torch.tensor(slowly_replaced(dense, truth, felt)).view(-1, 3)
+        replace_region(dense, truth, region), torch.tensor(slowly_replaced(dense, truth, region)).view(-1, 3)
     )
 
 
@@ -42,12 +42,12 @@ def test_the_ends_of_replacing_are_the_cloud_and_the_truth():
 
 def test_the_replaced_region_has_no_error_and_the_rest_keeps_its_own():
     truth = plane(20, 1)
-    dense, felt = plane(20, 2), truth[:, 0] < 0
+    dense, region = plane(20, 2), truth[:, 0] < 0
     error, before = (
         torch.cdist(truth, cloud, compute_mode="donot_use_mm_for_euclid_dist").amin(1)
-        for cloud in (replace_region(dense, truth, felt), dense)
+        for cloud in (replace_region(dense, truth, region), dense)
     )
-    assert (error[felt] == 0).all()
+    assert (error[region] == 0).all()
     far = truth[:, 0] > 0.2
     assert torch.equal(error[far], before[far])
     assert (before[far] > 0).all()
@@ -64,15 +64,15 @@ def test_the_efficiency_is_of_means_and_not_a_mean_of_ratios():
 def test_a_fresh_sampling_of_the_region_stays_below_one():
     """A network that is wrong by 0.1 everywhere, and right where it was touched."""
     truth, fresh = plane(60, 1), plane(60, 2)
-    felt, inside = truth[:, 0] < 0, fresh[:, 0] < 0
+    region, inside = truth[:, 0] < 0, fresh[:, 0] < 0
     plain = plane(60, 3) + torch.tensor([0, 0, 0.1])
     touched = torch.cat([fresh[inside], plain[plain[:, 0] >= 0]])
-    effect = touch_effect([truth], [truth[felt]], [felt], [touched], [plain], {}, "ours", 0.5)
+    effect = touch_effect([truth], [truth[region]], [region], [touched], [plain], {}, "ours", 0.5)
     reached = efficiency(effect.touched, effect.plain, effect.replaced)
     assert 0.9 < reached < 1
     assert effect.plain == [float(chamfer(plain[None], truth[None])[0])]
     assert effect.touched == [float(chamfer(touched[None], truth[None])[0])]
-    assert effect.replaced == [float(chamfer(replace_region(plain, truth, felt)[None], truth[None])[0])]
+    assert effect.replaced == [float(chamfer(replace_region(plain, truth, region)[None], truth[None])[0])]
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_errors_by_distance_agree_with_the_slow_way(seed):
     rng = np.random.default_rng(seed)
     truth, touched, plain, other = rng.uniform(-0.6, 0.6, (4, 2, 25, 3)).astype(np.float32)
     touches = truth[:, :2] + np.float32(0.001)
-    felt = np.tile(np.arange(25) < 2, (2, 1))
-    *of_network, of_other = ([*torch.from_numpy(array)] for array in (truth, touches, felt, touched, plain, other))
+    region = np.tile(np.arange(25) < 2, (2, 1))
+    *of_network, of_other = ([*torch.from_numpy(array)] for array in (truth, touches, region, touched, plain, other))
     effect = touch_effect(*of_network, {"other": of_other}, "ours", 0.5)
     slow = {name: [[] for _ in EDGES] for name in ("ours", "ours without touch", "other")}
     for i in range(2):

@@ -1,11 +1,8 @@
 """Weights to a file and back."""
 
-import functools
 import hashlib
 import json
-import re
 from functools import partial
-from pathlib import Path
 
 import pytest
 import torch
@@ -14,28 +11,16 @@ from hypothesis import strategies as st
 from safetensors.torch import load_file, save_file
 
 from pcsr.errors import UserError
-from pcsr.experiments.train_state import load_training, save_training
-from pcsr.network.build import build
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights, tensors_hash
 from pcsr.plugins.loading import load_plugins
-from pcsr.recipe import Recipe, load
 from pcsr.weights.file import read_card
-
-SMOKE = Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml"
-
-
-def recipe(*overrides: str) -> Recipe:
-    (only,) = load(SMOKE, load_plugins(), ["model.encoder.channels=16", "model.backbone.channels=[8, 16]", *overrides])
-    return only
+from tests.saved_weights import plugins, recipe, refusal, save
 
 
 @pytest.fixture
 def saved(tmp_path):
-    network = build(recipe(), load_plugins())
-    path = tmp_path / "weights.safetensors"
-    save_weights(path, network, {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}})
-    return path, network
+    return save(tmp_path)
 
 
 def test_weights_come_back_bit_for_bit(saved):
@@ -108,18 +93,6 @@ def test_a_card_without_recipe_is_refused(saved):
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(UserError, match="there is no such weights file"):
         load_weights(tmp_path / "none.safetensors", load_plugins())
-
-
-plugins = functools.cache(load_plugins)
-
-
-def refusal(path, registry=None):
-    """What a person reads: one line that names the file."""
-    with pytest.raises(UserError) as caught:
-        load_weights(path, registry or plugins())
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 def test_a_folder_is_refused(tmp_path):
@@ -216,67 +189,3 @@ def test_weights_that_are_not_finite_are_named(saved, value):
         network.upsampler.mlp[0].bias[3] = value
     save_weights(path, network, {"recipe": recipe().resolved()})
     assert "its weights 'upsampler.mlp.0.bias' are not all finite" in refusal(path)
-
-
-@pytest.mark.parametrize("kind", [torch.optim.Adam, torch.optim.AdamW])
-def test_training_goes_on_as_if_never_saved(tmp_path, kind):
-    def step(network, optimizer):
-        optimizer.zero_grad()
-        network(torch.arange(6.0).view(2, 3)).square().sum().backward()
-        optimizer.step()
-
-    torch.manual_seed(0)
-    network = torch.nn.Linear(3, 2)
-    optimizer = kind(network.parameters(), lr=0.1)
-    step(network, optimizer)
-    path, about = tmp_path / "checkpoint.safetensors", {"step": 1, "seconds": 0.5}
-    save_training(path, network, optimizer, about)
-    other = torch.nn.Linear(3, 2)
-    restored = kind(other.parameters(), lr=0.1)
-    assert load_training(path, other, restored) == about
-    for _ in range(3):
-        step(network, optimizer)
-        step(other, restored)
-    assert torch.equal(network.weight, other.weight)
-    assert json.dumps(about) in json.dumps(read_card(path))
-
-
-def test_half_precision_takes_half_the_space_and_comes_back_in_single(saved):
-    path, network = saved
-    network.register_buffer("steps", torch.tensor(2**40))
-    halved = path.with_name("half.safetensors")
-    card = {"recipe": recipe().resolved()}
-    save_weights(path, network, card)
-    save_weights(halved, network, card, half=True)
-    stored, whole = load_file(halved), load_file(path)
-    assert stored["steps"] == 2**40
-    assert {tensor.dtype for name, tensor in stored.items() if name != "steps"} == {torch.float16}
-    sizes = [sum(tensor.nbytes for name, tensor in some.items() if name != "steps") for some in (stored, whole)]
-    assert 2 * sizes[0] == sizes[1]
-    assert read_card(halved)["sha256"] == tensors_hash(stored)
-    del network.steps
-    save_weights(halved, network, card, half=True)
-    loaded = load_weights(halved, load_plugins())[0]
-    for name, tensor in loaded.state_dict().items():
-        assert tensor.dtype == network.state_dict()[name].dtype
-        if tensor.is_floating_point():
-            torch.testing.assert_close(tensor, network.state_dict()[name], rtol=2**-11, atol=2**-24)
-            assert torch.equal(tensor, network.state_dict()[name].half().float())
-    assert {parameter.dtype for parameter in loaded.parameters()} == {torch.float32}
-
-
-def test_the_network_itself_stays_as_it_was_when_its_weights_are_halved(saved):
-    path, network = saved
-    before = {name: tensor.clone() for name, tensor in network.state_dict().items()}
-    save_weights(path, network, {}, half=True)
-    assert all(torch.equal(before[name], tensor) for name, tensor in network.state_dict().items())
-
-
-def test_a_weight_too_large_for_half_precision_is_named_and_nothing_is_written(saved):
-    path, network = saved
-    before, name = path.read_bytes(), next(name for name, _ in network.named_parameters())
-    with torch.no_grad():
-        network.get_parameter(name).view(-1)[0] = -1e5
-    with pytest.raises(UserError, match=rf"'{re.escape(name)}' reach 1e\+05, and half precision ends at 65504: store"):
-        save_weights(path, network, {}, half=True)
-    assert path.read_bytes() == before

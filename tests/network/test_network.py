@@ -39,8 +39,8 @@ def test_rows_of_a_mixed_batch_are_the_rows_alone(clouds, fusion):
     mask = torch.arange(3) < torch.tensor(counts)[:, None]
     mixed = net(points, RATE, TouchBatch.of(touches, mask))
     for row, count in enumerate(counts):
-        felt = TouchBatch.of(touches[row : row + 1, :count]) if count else None
-        torch.testing.assert_close(mixed[row : row + 1], net(points[row : row + 1], RATE, felt), atol=1e-5, rtol=0)
+        touch = TouchBatch.of(touches[row : row + 1, :count]) if count else None
+        torch.testing.assert_close(mixed[row : row + 1], net(points[row : row + 1], RATE, touch), atol=1e-5, rtol=0)
 
 
 @torch.no_grad()
@@ -168,7 +168,7 @@ def test_a_great_rate_is_made_of_what_was_made_and_touches_are_in_it_at_the_end(
     assert torch.equal(net(points, 8), net.stages(points, 8)[-1])
     dense = net(points, 16, TouchBatch.of(touches))
     assert dense.shape == (4, 16 * N, 3)
-    for made, felt in zip(dense, touches.flatten(1, 2), strict=True):
-        assert (torch.cdist(made, felt).amin(1) == 0).sum() > len(felt) / 2
+    for made, touch in zip(dense, touches.flatten(1, 2), strict=True):
+        assert (torch.cdist(made, touch).amin(1) == 0).sum() > len(touch) / 2
     alone = net.train()(points, 16)
     assert alone.shape[1] == 16 * N, "in training one pass makes all"

@@ -1,34 +1,22 @@
 """Weights in half precision."""
 
 import re
-from pathlib import Path
 
 import pytest
 import torch
 from safetensors.torch import load_file
 
 from pcsr.errors import UserError
-from pcsr.network.build import build
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights, tensors_hash
 from pcsr.plugins.loading import load_plugins
-from pcsr.recipe import Recipe, load
 from pcsr.weights.file import read_card
-
-SMOKE = Path(__file__).parents[2] / "pcsr/recipes/smoke.yaml"
-
-
-def recipe(*overrides: str) -> Recipe:
-    (only,) = load(SMOKE, load_plugins(), ["model.encoder.channels=16", "model.backbone.channels=[8, 16]", *overrides])
-    return only
+from tests.saved_weights import recipe, save
 
 
 @pytest.fixture
 def saved(tmp_path):
-    network = build(recipe(), load_plugins())
-    path = tmp_path / "weights.safetensors"
-    save_weights(path, network, {"recipe": recipe().resolved(), "metrics": {"cd": 0.125}})
-    return path, network
+    return save(tmp_path)
 
 
 def test_half_precision_takes_half_the_space_and_comes_back_in_single(saved):

@@ -49,9 +49,9 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
     points, touches = clouds
     net = network(*overrides)
     mask = torch.tensor([[True, False, True], [False, False, False], [True, True, True], [False, True, False]])
-    for felt in (None, TouchBatch.of(touches[:, :0]), TouchBatch.of(touches)):
-        assert net(points, RATE, felt).shape == (4, COUNT, 3)
-        assert net.stages(points, RATE, felt)[-1].shape == (4, COUNT, 3)
+    for touch in (None, TouchBatch.of(touches[:, :0]), TouchBatch.of(touches)):
+        assert net(points, RATE, touch).shape == (4, COUNT, 3)
+        assert net.stages(points, RATE, touch)[-1].shape == (4, COUNT, 3)
     if net.fusion.uses_touch_features:  # a fusion that joins touches wants as many in each row
         assert net(points, RATE, TouchBatch.of(touches, mask)).shape == (4, COUNT, 3)
 
@@ -66,15 +66,17 @@ def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthes
 ):
     points, touches = clouds
     net = network(*overrides)
-    for felt in (None, TouchBatch.of(touches)):
-        made = net.upsampler(*net.refine(points, felt), RATE)
-        every = net.candidates(points, RATE, felt)
+    for touch in (None, TouchBatch.of(touches)):
+        made = net.upsampler(*net.refine(points, touch), RATE)
+        every = net.candidates(points, RATE, touch)
         assert every.shape[1] > COUNT
         assert torch.equal(every[:, : made.shape[1]], made)
         known = every[:, made.shape[1] :]
-        assert torch.equal(known, touches.flatten(1, 2) if keeps_touched_points and felt is not None else points[:, :0])
+        assert torch.equal(
+            known, touches.flatten(1, 2) if keeps_touched_points and touch is not None else points[:, :0]
+        )
         both = torch.cat([known, made], dim=1)
-        for row, kept in zip(both, net(points, RATE, felt), strict=True):
+        for row, kept in zip(both, net(points, RATE, touch), strict=True):
             assert torch.equal(row[torch.from_numpy(even_subset(row.numpy(), COUNT, known.shape[1]))], kept)
 
 
@@ -86,9 +88,9 @@ def test_candidates_repeat_points_in_the_place_of_a_missing_touch_and_are_what_t
     every = net.candidates(points, RATE, TouchBatch.of(touches, mask))
     present = net.candidates(points, RATE, TouchBatch.of(touches, mask | True))
     assert torch.equal(net.candidates(points, RATE, TouchBatch.of(touches)), present)
-    for row, felt, there in zip(every, touches, mask, strict=True):
+    for row, touch, there in zip(every, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
-        assert torch.equal(joined[there], felt[there])
+        assert torch.equal(joined[there], touch[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own
     net.train()
     given = TouchBatch.of(touches, mask)
@@ -127,9 +129,9 @@ def test_in_training_every_touched_point_is_there(clouds):
     mask = torch.tensor([[True, False, True]] * 4)
     dense = net(points, RATE, TouchBatch.of(touches, mask))
     assert dense.shape == (4, COUNT + 36, 3)
-    for row, felt, there in zip(dense, touches, mask, strict=True):
+    for row, touch, there in zip(dense, touches, mask, strict=True):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
-        assert torch.equal(joined[there], felt[there])
+        assert torch.equal(joined[there], touch[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own, "a missing touch repeats points of the cloud"
 
 
@@ -145,11 +147,11 @@ def test_a_touched_region_consists_of_touched_points(clouds):
     points, touches = clouds
     net = anchored()
     dense, alone = net(points, RATE, TouchBatch.of(touches)), net(points, RATE)
-    for row, felt, visual in zip(dense, touches.flatten(1, 2), alone, strict=True):
-        guessed = torch.stack([point for point in row if tuple(point.tolist()) not in rows_of(felt)])
+    for row, touch, visual in zip(dense, touches.flatten(1, 2), alone, strict=True):
+        guessed = torch.stack([point for point in row if tuple(point.tolist()) not in rows_of(touch)])
         assert len(guessed) < len(row), "no touched point is there"
-        around = torch.cdist(guessed, felt).min()
-        assert around > 2 * torch.cdist(visual, felt).min(), "without anchors some would be nearer"
+        around = torch.cdist(guessed, touch).min()
+        assert around > 2 * torch.cdist(visual, touch).min(), "without anchors some would be nearer"
 
 
 @torch.no_grad()
@@ -171,8 +173,8 @@ def test_with_anchors_rows_are_independent_and_missing_touches_leave_no_trace(cl
     for net in (anchored(), anchored(ANCHORED[0], "model.upsampler.start=neighbours")):
         mixed = net(points, RATE, TouchBatch.of(touches, mask))
         assert torch.equal(net(points, RATE, TouchBatch.of(other, mask)), mixed)
-        for row, (cloud, felt, there) in enumerate(zip(points, touches, mask, strict=True)):
-            alone = net(cloud[None], RATE, TouchBatch.of(felt[there][None]) if there.any() else None)[0]
+        for row, (cloud, touch, there) in enumerate(zip(points, touches, mask, strict=True)):
+            alone = net(cloud[None], RATE, TouchBatch.of(touch[there][None]) if there.any() else None)[0]
             torch.testing.assert_close(mixed[row], alone, atol=1e-5, rtol=0)
 
 

@@ -116,5 +116,5 @@ def test_bytecode_and_hidden_files_are_no_code(installed):
 
 
 def test_what_is_not_installed_has_none():
-    assert distribution_code("pcsr-never-heard-of") is None
-    assert Entry("fusion", "x", "nowhere:X", "pcsr-never-heard-of", "1").code is None
+    assert distribution_code("pcsr-unknown") is None
+    assert Entry("fusion", "x", "nowhere:X", "pcsr-unknown", "1").code is None

@@ -118,7 +118,7 @@ def test_why_says_where_a_plugin_failed(write):
         f"{path} file failed to load: RuntimeError: no GPU here",
         f"  at {path}:3",
     ]
-    # Who asks for a part that isn't there hears of every plugin that failed.
+    # The message about a part that isn't there names every plugin that failed.
     with pytest.raises(UserError) as refused:
         why(registry, "cross-attention")
     assert str(refused.value).splitlines() == [

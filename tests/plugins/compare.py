@@ -10,7 +10,7 @@ from tests.plugins.plain import plain
 LONGEST = 2048
 """Terms of the longest sum in the gradients of the parts below: points of a batch, or channels times neighbours."""
 TIED = 1e-4
-"""Values that are closer than this may change places in single precision."""
+"""Values that are closer than this may change their order in single precision."""
 
 
 def close(a: torch.Tensor, b: torch.Tensor, atol: float = 1e-5) -> None:

@@ -77,7 +77,7 @@ class PlainIterative(Iterative):
 
 
 class PlainShuffle(Shuffle):
-    """From `neighbours`, to a rate that is a multiple of 8: the way from the places of a fan, point by point."""
+    """From `neighbours`, to a rate that is a multiple of 8: back from the positions of a fan, point by point."""
 
     def forward(self, points, features, rate):
         assert self.start == "neighbours"

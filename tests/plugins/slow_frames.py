@@ -36,7 +36,7 @@ def slow_frame(points, i, neighbours):
 
 
 def slow_edge(here, there, offset):
-    """What tells the edge from one frame to another."""
+    """Features of the edge from one frame to another."""
     _, offsets, unit, normal, rough = here
     _, offsets_j, unit_j, normal_j, rough_j = there
     angles = [offset @ normal, offset @ normal_j, normal @ normal_j]

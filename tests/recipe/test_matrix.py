@@ -1,6 +1,5 @@
 """A matrix, and studies over several recipes."""
 
-import copy
 import re
 
 import pytest
@@ -12,20 +11,8 @@ from pcsr.recipe.compose import compose
 from pcsr.recipe.matrix import expand
 from pcsr.recipe.merge import normalize
 from pcsr.recipe.schema import NAME
-from pcsr.recipe.source import Location, Source, parse
-
-
-def source(tree, origin="file"):
-    """A source that knows where each value stands: in a file of this name, whatever the line."""
-    made = Source(copy.deepcopy(tree), {(): Location(origin)})
-
-    def note(keys, node):
-        for key, value in node.items() if isinstance(node, dict) else ():
-            made.values[(*keys, key)] = made.names[(*keys, key)] = Location(origin)
-            note((*keys, key), value)
-
-    note((), tree)
-    return made
+from pcsr.recipe.source import Location, parse
+from tests.recipe.sources import source
 
 
 def model(text):

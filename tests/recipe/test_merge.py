@@ -1,30 +1,16 @@
 """Layers of a recipe are merged: each leaf keeps its place."""
 
-import copy
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.recipe.merge import assign, merge, normalize
-from pcsr.recipe.source import Location, Source, parse
+from pcsr.recipe.source import Location, parse
+from tests.recipe.sources import source
 
 LEAVES = st.integers(0, 9) | st.text("xyz", max_size=2) | st.lists(st.integers(0, 9), max_size=2)
 NAMES = st.sampled_from("abcd")
 TREES = st.recursive(st.dictionaries(NAMES, LEAVES), lambda inner: st.dictionaries(NAMES, inner | LEAVES), max_leaves=8)
-
-
-def source(tree, origin="file"):
-    """A source that knows where each value stands: in a file of this name, whatever the line."""
-    made = Source(copy.deepcopy(tree), {(): Location(origin)})
-
-    def note(keys, node):
-        for key, value in node.items() if isinstance(node, dict) else ():
-            made.values[(*keys, key)] = made.names[(*keys, key)] = Location(origin)
-            note((*keys, key), value)
-
-    note((), tree)
-    return made
 
 
 def slow_merge(under, over):

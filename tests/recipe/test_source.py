@@ -1,4 +1,4 @@
-"""Reading YAML: plain data with places, and what is not plain data."""
+"""Reading YAML: plain data with locations, and what is not plain data."""
 
 import json
 
@@ -92,8 +92,8 @@ def test_every_key_that_is_written_twice_is_collected():
 def test_what_is_not_plain_data_is_collected():
     source = parse("&r\na: !!python/object/apply:os.system [echo]\nb: {c: !env HOME}\nd: *r\ne: 2026-13-01", "file")
     assert source.data == {"a": None, "b": {"c": None}, "d": None, "e": None}
-    places = [str(mistake.location) for mistake in source.mistakes]
-    assert places == [
+    locations = [str(mistake.location) for mistake in source.mistakes]
+    assert locations == [
         "file:2:4",
         "file:3:8",
         "file:1:1",

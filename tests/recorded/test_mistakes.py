@@ -2,24 +2,11 @@
 
 import json
 
-import numpy as np
 import pytest
 
-from pcsr import Touch, UserError
-from pcsr.clouds.formats import write_points
+from pcsr import UserError
 from pcsr.recorded import MANIFEST, read, write
-from tests.recorded.recordings import CLOUD, STILL, record
-
-
-def reason(folder, touch, **head):
-    """Why one touch is left out, beside a good one that is not."""
-    write_points(folder / "good.ply", CLOUD)
-    good = {"cloud": "good.ply", "pose": STILL}
-    recording = read(record(folder, good, touch, good | {"name": "again"}, **head))
-    assert recording.names == ["good.ply", "again"]
-    (text,) = recording.skipped.values()
-    assert "\n" not in text
-    return text
+from tests.recorded.recordings import STILL, one_touch, reason, record
 
 
 @pytest.mark.parametrize(
@@ -112,11 +99,6 @@ def test_layouts_are_checked(tmp_path, layout, expected):
     (tmp_path / MANIFEST).write_text(json.dumps({"format": 1, "layout": layout}))
     with pytest.raises(UserError, match=expected):
         read(tmp_path)
-
-
-def one_touch(**changes):
-    fields = {"points": CLOUD, "finger": np.zeros(2, np.int64), "poses": np.eye(4)[None], "unit": 1.0, "sensor": "x"}
-    return Touch(**{**fields, "contact_area": None, **changes})
 
 
 def test_a_key_that_is_written_twice_is_a_mistake(tmp_path):

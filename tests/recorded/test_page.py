@@ -35,8 +35,8 @@ def test_the_examples_of_the_page_are_right():
 def test_the_page_tells_every_turn():
     rows = re.findall(r"^\| `([+-][xyz])` \| (.*) \|$", PAGE, re.MULTILINE)
     assert len(rows) == 6
-    for axes, told in rows:
-        for ours, theirs in enumerate(told.replace("−", "-").split(" | ")):
+    for axes, described in rows:
+        for ours, theirs in enumerate(described.replace("−", "-").split(" | ")):
             expected = np.zeros(3)
             expected["xyz".index(theirs[1])] = float(theirs[0] + "1")
             np.testing.assert_array_equal(rotation_from(axes)[:3, ours], expected)

@@ -56,23 +56,23 @@ def test_all_ways_to_write_a_pose_say_the_same(unit, object_unit, seed):
             matrix=matrix(rotation, place * unit / object_unit, unit / object_unit).tolist(), maps_to="object_unit"
         ),
     ]
-    felt = rng.normal(size=3)  # in mm, in the sensor's frame
-    truth = (rotation.apply(felt) + place * unit) / object_unit
+    local = rng.normal(size=3)  # in mm, in the sensor's frame
+    truth = (rotation.apply(local) + place * unit) / object_unit
     for pose in poses:
         found = sensor_to_object(pose, unit, object_unit)
-        np.testing.assert_allclose(transformed(found, felt[None])[0], truth, rtol=1e-9, atol=1e-12 / object_unit)
+        np.testing.assert_allclose(transformed(found, local[None])[0], truth, rtol=1e-9, atol=1e-12 / object_unit)
 
 
 @given(unit=LENGTHS, object_unit=LENGTHS, seed=st.integers(0, 1000))
 def test_poses_in_the_world_lead_to_the_object(unit, object_unit, seed):
     rng = np.random.default_rng(seed)
     sensor, thing = (matrix(Rotation.random(rng=rng), rng.normal(size=3)) for _ in range(2))
-    felt = np.array([*rng.normal(size=3), unit]) / unit
-    truth = (np.linalg.inv(thing) @ sensor @ felt)[:3] * unit / object_unit
+    local = np.array([*rng.normal(size=3), unit]) / unit
+    truth = (np.linalg.inv(thing) @ sensor @ local)[:3] * unit / object_unit
     for maps_to in ("rigid", None):
         poses = [MatrixPose(matrix=pose.tolist(), maps_to=maps_to) for pose in (sensor, thing)]
         found = sensor_to_object(poses[0], unit, object_unit, poses[1])
-        np.testing.assert_allclose(transformed(found, felt[None, :3] * unit)[0], truth, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(transformed(found, local[None, :3] * unit)[0], truth, rtol=1e-9, atol=1e-9)
 
 
 def test_small_and_capital_axes_are_fixed_and_moving():

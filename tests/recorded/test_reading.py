@@ -7,21 +7,9 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from pcsr import Touch
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
-from tests.recorded.recordings import CLOUD, STILL, only, record
-
-
-def reason(folder, touch, **head):
-    """Why one touch is left out, beside a good one that is not."""
-    write_points(folder / "good.ply", CLOUD)
-    good = {"cloud": "good.ply", "pose": STILL}
-    recording = read(record(folder, good, touch, good | {"name": "again"}, **head))
-    assert recording.names == ["good.ply", "again"]
-    (text,) = recording.skipped.values()
-    assert "\n" not in text
-    return text
+from tests.recorded.recordings import CLOUD, STILL, one_touch, only, reason, record
 
 
 def test_a_cloud_in_the_sensors_frame_goes_through_its_pose(folder):
@@ -170,11 +158,6 @@ def test_an_order_that_is_none_is_refused(folder, order):
     np.save(folder / "order.npy", order)
     text = reason(folder, {"fingers": [{"cloud": "0.npy", "pose": STILL}], "order": "order.npy"})
     assert "order: it must contain the index of each of the 2 points once" in text
-
-
-def one_touch(**changes):
-    fields = {"points": CLOUD, "finger": np.zeros(2, np.int64), "poses": np.eye(4)[None], "unit": 1.0, "sensor": "x"}
-    return Touch(**{**fields, "contact_area": None, **changes})
 
 
 def test_a_recording_is_found_by_text_and_by_its_manifest_too(tmp_path):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pcsr import RunError, Touch, UserError
 from pcsr.recorded import MANIFEST, read, write
-from tests.recorded.recordings import CLOUD
+from tests.recorded.recordings import CLOUD, one_touch
 
 LENGTHS = st.floats(0.01, 1000)
 
@@ -49,11 +49,6 @@ def test_what_is_written_comes_back_to_the_last_bit(tmp_path_factory, touches):
             assert one.shape == other.shape
             assert one.tobytes() == other.tobytes()
         assert (a.unit, a.sensor, a.contact_area) == (b.unit, b.sensor, b.contact_area)
-
-
-def one_touch(**changes):
-    fields = {"points": CLOUD, "finger": np.zeros(2, np.int64), "poses": np.eye(4)[None], "unit": 1.0, "sensor": "x"}
-    return Touch(**{**fields, "contact_area": None, **changes})
 
 
 def test_a_recording_is_not_overwritten_unless_asked(tmp_path):

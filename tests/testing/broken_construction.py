@@ -1,4 +1,4 @@
-"""Parts whose constructor breaks the contract, by the check that must tell."""
+"""Parts whose constructor breaks the contract, by the check that must fail."""
 
 from torch import nn
 

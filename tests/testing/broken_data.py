@@ -1,4 +1,4 @@
-"""Objectives, touch sources and shapes that break their contract, by the check that must tell."""
+"""Objectives, touch sources and shapes that break their contract, by the check that must fail."""
 
 import dataclasses
 import itertools

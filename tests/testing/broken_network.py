@@ -1,4 +1,4 @@
-"""Network parts that break what every one of them must keep, by the check that must tell."""
+"""Network parts that break what every one of them must keep, by the check that must fail."""
 
 import numpy as np
 import torch

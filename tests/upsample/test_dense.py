@@ -73,10 +73,10 @@ def test_no_seams_show():
     for number, patch in enumerate(patches(sheet, 256, round(CORE * 256))):
         owner[patch.rows[: patch.core]] = number
     inner = (np.abs(whole[:, :2] - 0.5) < 0.45).all(1)
-    places = whole[inner]
-    two = cKDTree(sheet).query(places, k=6)[1]
+    inside = whole[inner]
+    two = cKDTree(sheet).query(inside, k=6)[1]
     at_seam = (owner[two] != owner[two[:, :1]]).any(1)
-    gaps = cKDTree(whole).query(places, k=5)[0][:, 1:].mean(1)
+    gaps = cKDTree(whole).query(inside, k=5)[0][:, 1:].mean(1)
     assert 0.2 < at_seam.mean() < 0.9
     assert gaps[at_seam].mean() == pytest.approx(gaps[~at_seam].mean(), rel=0.03)
 
@@ -120,7 +120,7 @@ def test_touches_go_to_the_patches_that_they_meet():
 
 
 def under(count, seed=0):
-    """What a finger feels on a side of the bowl that the cloud does not show."""
+    """Touched points on a side of the bowl that the cloud does not show."""
     x, y = np.random.default_rng(seed).uniform(-0.3, 0.3, (2, count))
     return np.column_stack([x, y, np.full(count, -1.0)])
 
@@ -130,14 +130,14 @@ UNSEEN = "touched points lie up to .* from the cloud and are added to it as unse
 
 @pytest.mark.parametrize("keep", [True, False])
 def test_a_side_that_only_a_finger_reached_is_filled_too(keep):
-    cloud, felt = bowl(400), under(500)
+    cloud, touch = bowl(400), under(500)
     with pytest.warns(UserWarning, match=UNSEEN):
-        new = densify(cloud, 1600, SMALL, touches=[felt], keep=keep)
+        new = densify(cloud, 1600, SMALL, touches=[touch], keep=keep)
     assert len(new) == 1600 - 400 * keep
     there = new[new[:, 2] < -0.9]
-    touched = unseen(cloud, [felt])
+    touched = unseen(cloud, [touch])
     np.testing.assert_array_equal(new[: len(touched)], touched)  # themselves, and first
-    assert cKDTree(there).query(felt)[0].max() < 0.15, "all that was felt is filled"
+    assert cKDTree(there).query(touch)[0].max() < 0.15, "the whole touch is filled"
     density = len(there) / 0.36 / ((len(new) - len(there)) / 5.2)
     assert 0.5 < density < 2, "and about as dense as the rest"
     assert not ((new[:, 2] < -0.5) & (new[:, 2] > -0.95)).any(), "nothing is made between"
@@ -171,9 +171,9 @@ def test_more_processes_give_the_same_points():
 
 @pytest.mark.parametrize("rate", [3, 12])
 def test_progress_rises_over_all_passes_and_ends_at_the_total(rate):
-    told = []
-    densify(bowl(300), rate * 300, SMALL, advance=lambda done, total: told.append((done, total)))
-    done, totals = zip(*told, strict=True)
+    calls = []
+    densify(bowl(300), rate * 300, SMALL, advance=lambda done, total: calls.append((done, total)))
+    done, totals = zip(*calls, strict=True)
     assert list(done) == sorted(set(done)), "no pass starts again"
     passes = 1 if rate == 3 else 2
     expected = sum(round(300 * rate ** (number / passes)) for number in range(passes))
@@ -191,6 +191,25 @@ def test_progress_rises_over_all_passes_and_ends_at_the_total(rate):
 def test_what_cannot_be_done_is_said(cloud, count, said):
     with pytest.raises(UserError, match=said):
         densify(cloud, count, SMALL)
+
+
+@pytest.mark.parametrize("rate", [3, 40])
+def test_a_part_of_a_cloud_gets_new_points_and_the_rest_is_its_neighbourhood(rate):
+    cloud = bowl(400)
+    cloud = cloud[np.argsort(cloud[:, 0])]
+    new = densify(cloud, 200 * rate, SMALL, core=200)
+    assert len(new) == 200 * (rate - 1)
+    nearest = cKDTree(cloud).query(new)[1]
+    assert (nearest < 200).mean() > 0.98
+    other = densify(cloud[::-1], 200 * rate, SMALL, core=200)
+    whole = densify(cloud, 400 * rate, SMALL)
+    between = cloud[199:201, 0].mean()
+    counts = [(np.abs(each[:, 0] - between) < 0.15).sum() for each in (np.concatenate([new, other]), whole)]
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)
+
+
+def test_a_part_that_is_the_whole_cloud_is_no_other_case():
+    np.testing.assert_array_equal(densify(bowl(200), 1700, SMALL, core=200), densify(bowl(200), 1700, SMALL))
 
 
 def test_points_on_a_line_and_copies_are_no_trouble():

@@ -76,7 +76,7 @@ def test_points_between_do_not_mind_coinciding_points():
 
 
 def test_fractions_keep_apart_and_below_a_half():
-    """Of the ways from one point to another: each point more lies elsewhere, and none in the other's half."""
+    """Of the lines from one point to another: each point more lies elsewhere, and none in the other's half."""
     fractions = between(np.eye(3)[:2] - np.eye(3)[0], 1, 16)[:, 1]
     assert 0 < min(fractions) < max(fractions) < 0.5
     assert np.diff(sorted(fractions)).min() > 0.01

@@ -97,8 +97,8 @@ def test_an_upsampler_that_interpolates_does_so_before_patches_are_cut():
 
 def test_touches_come_along_into_each_patch_and_are_there_where_they_are_near():
     network, given = Copies(), cloud()
-    felt = given[np.linalg.norm(given - given[0], axis=1).argsort()[:3]]
-    upsample_patches(network, given, 4, [felt, felt + 1000.0], patches())
+    touch = given[np.linalg.norm(given - given[0], axis=1).argsort()[:3]]
+    upsample_patches(network, given, 4, [touch, touch + 1000.0], patches())
     masks = torch.cat([touches.mask for _, touches in network.seen])
     assert masks[:, 0].any()
     assert not masks[:, 0].all()

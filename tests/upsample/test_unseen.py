@@ -19,14 +19,14 @@ def sheet(rng, count, x=0.0, height=0.0):
 
 def slow(points, touches):
     """One after the other, the farthest from those before, until one is too near."""
-    own, felt = spacing(points), np.unique(np.concatenate(touches), axis=0)
-    away = np.linalg.norm(felt[:, None] - points[None], axis=2)
-    felt, apart = felt[away.min(1) > REACH * own[away.argmin(1)]], EVEN * np.median(own)
-    kept = [int(np.linalg.norm(felt - felt.mean(0), axis=1).argmax())]
+    own, touched = spacing(points), np.unique(np.concatenate(touches), axis=0)
+    away = np.linalg.norm(touched[:, None] - points[None], axis=2)
+    touched, apart = touched[away.min(1) > REACH * own[away.argmin(1)]], EVEN * np.median(own)
+    kept = [int(np.linalg.norm(touched - touched.mean(0), axis=1).argmax())]
     while True:
-        far = np.linalg.norm(felt[:, None] - felt[None, kept], axis=2).min(1)
+        far = np.linalg.norm(touched[:, None] - touched[None, kept], axis=2).min(1)
         if far.max() < apart:
-            return felt[kept]
+            return touched[kept]
         kept.append(int(far.argmax()))
 
 
@@ -77,14 +77,16 @@ def test_a_cloud_that_holds_its_points_several_times_is_as_good_as_once():
 
 def test_a_touch_of_few_points_gives_all_of_them():
     points = sheet(np.random.default_rng(0), 400)
-    felt = np.array([[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]])
-    assert {tuple(p) for p in unseen(points, [felt[:1], felt[1:], felt])} == {tuple(p) for p in felt}
+    touched = np.array([[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]])
+    assert {tuple(p) for p in unseen(points, [touched[:1], touched[1:], touched])} == {tuple(p) for p in touched}
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_moving_turning_and_scaling_moves_them_alike(scale):
     rng = np.random.default_rng(0)
-    points, felt = sheet(rng, 300), sheet(rng, 1000, height=1.5)
+    points, touched = sheet(rng, 300), sheet(rng, 1000, height=1.5)
     turn, shift = Rotation.random(random_state=1).as_matrix(), np.array([3.0, -2.0, 1.0])
-    there = unseen((points @ turn.T + shift) * scale, [(felt @ turn.T + shift) * scale])
-    np.testing.assert_allclose(there, (unseen(points, [felt]) @ turn.T + shift) * scale, rtol=1e-6, atol=1e-9 * scale)
+    there = unseen((points @ turn.T + shift) * scale, [(touched @ turn.T + shift) * scale])
+    np.testing.assert_allclose(
+        there, (unseen(points, [touched]) @ turn.T + shift) * scale, rtol=1e-6, atol=1e-9 * scale
+    )

@@ -1,4 +1,4 @@
-"""Wires are told from surfaces, and the candidates on them from those beside."""
+"""Wires are distinguished from surfaces, and the candidates on them from those beside."""
 
 import numpy as np
 

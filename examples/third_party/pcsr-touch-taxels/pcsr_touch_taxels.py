@@ -20,7 +20,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class Taxels(TouchSource):
-    """Touches at random places of the surface.
+    """Touches at random points of the surface.
 
     The pose of a touch maps the finger's frame to the object's. The finger's frame is in millimetres; its origin is the
     tip of the unpressed skin, and z points out of the object, along the finger.
@@ -50,18 +50,20 @@ class Taxels(TouchSource):
             cap: taxels cover the ball up to so far from its tip.
             pitch: between taxels, along the skin.
             press: how far the finger goes on after it has met the object.
-            least: a taxel that gives way less feels nothing.
-            depth_noise: standard deviation of how far a taxel says that it gave way.
+            least: a taxel that is pressed in by less measures nothing.
+            depth_noise: standard deviation of the measured depth of a taxel.
             tilt: standard deviation of the angle to the surface normal, which is never more than twice that.
             at_least: taxels that make a touch.
             points: of each touch: those of the taxels, repeated or drawn until there are so many.
-            tries: places tried for each touch before giving up.
+            tries: contact points tried for each touch before giving up.
 
         Raises:
-            UserError: a press that no taxel would feel.
+            UserError: a press that no taxel can measure.
         """
         if press <= least:
-            raise UserError(f"touch 'taxels': press is {press} mm, but a taxel feels {least} mm or more: press deeper")
+            raise UserError(
+                f"touch 'taxels': press is {press} mm, but a taxel measures {least} mm or more: press deeper"
+            )
         self.object_size, self.press, self.least, self.depth_noise = object_size, press, least, depth_noise
         self.tilt, self.at_least, self.points, self.tries = tilt, at_least, points, tries
         self.taxels, self.area = lay_out(radius, math.radians(cap), pitch)
@@ -78,31 +80,31 @@ class Taxels(TouchSource):
             touch = self._touch(rays, np.random.default_rng((seed, number)))
             if touch is None:
                 raise UserError(
-                    f"{item.name}: touch 'taxels' found {number} of {count} touches, then none of {self.tries} places "
+                    f"{item.name}: touch 'taxels' found {number} of {count} touches, then none of {self.tries} points "
                     f"with {self.at_least} taxels in contact: raise object_size, lower at_least or leave the object out"
                 )
             found.append(touch)
         return found
 
     def _touch(self, rays: MeshRays, rng: np.random.Generator) -> Touch | None:
-        """One touch at the first place where enough taxels are pressed."""
-        places, normals = rays.surface_points(self.tries, rng)
-        for place, normal in zip(places, normals, strict=True):
+        """One touch at the first point where enough taxels are pressed."""
+        contacts, normals = rays.surface_points(self.tries, rng)
+        for contact, normal in zip(contacts, normals, strict=True):
             frame = _frame(_tilted(normal, self.tilt, rng), rng)
             # How high the object stands at each taxel, along the finger; what is met first stops the finger.
-            starts = place + self.taxels[:, :2] @ frame[:, :2].T
+            starts = contact + self.taxels[:, :2] @ frame[:, :2].T
             heights = rays.heights(starts, np.broadcast_to(frame[:, 2], starts.shape))
             tip = float((heights - self.taxels[:, 2]).max()) - self.press
             if not np.isfinite(tip):
                 continue  # it came down beside the object
-            gave_way = heights - self.taxels[:, 2] - tip
-            pressed = gave_way > self.least
+            depth = heights - self.taxels[:, 2] - tip
+            pressed = depth > self.least
             if pressed.sum() < self.at_least:
                 continue
-            measured = gave_way[pressed] + rng.normal(0, self.depth_noise, int(pressed.sum()))
+            measured = depth[pressed] + rng.normal(0, self.depth_noise, int(pressed.sum()))
             local = self.taxels[pressed] + np.outer(measured, (0, 0, 1))
             pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = frame, place + tip * frame[:, 2]
+            pose[:3, :3], pose[:3, 3] = frame, contact + tip * frame[:, 2]
             pose = rays.to_object @ pose
             points = local @ pose[:3, :3].T + pose[:3, 3]
             area = float(self.area[pressed].sum())
@@ -121,7 +123,7 @@ def lay_out(
         pitch: in mm.
 
     Returns:
-        Their places in the finger's frame, in mm, and what part of the plane below each stands for, in mm².
+        Their positions in the finger's frame, in mm, and the part of the plane below that each covers, in mm².
     """
     rings = [(0.0, 1)]
     for number in range(1, int(cap * radius / pitch) + 1):
@@ -152,5 +154,5 @@ def _frame(axis: Float[np.ndarray, "3"], rng: np.random.Generator) -> Float[np.n
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Tell pcsr the part's name."""
+    """Register the touch source."""
     register.touch("taxels", Taxels)

@@ -1,4 +1,4 @@
-"""The touch source `taxels` keeps what a touch source promises, and feels what its README says."""
+"""The touch source `taxels` keeps the contract of touch sources, and measures what its README says."""
 
 import numpy as np
 import pytest
@@ -94,5 +94,5 @@ def test_what_is_too_small_is_refused_by_name():
 
 
 def test_a_press_that_nothing_feels_is_refused():
-    with pytest.raises(UserError, match=r"press is 0\.1 mm, but a taxel feels 0\.1 mm or more: press deeper"):
+    with pytest.raises(UserError, match=r"press is 0\.1 mm, but a taxel measures 0\.1 mm or more: press deeper"):
         Taxels(press=0.1)

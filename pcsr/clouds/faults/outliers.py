@@ -13,7 +13,7 @@ FAR = 20.0
 NEIGHBOURS = 15
 """Largest number of positions that are outliers although they lie together; more of them are an object."""
 FEWEST = 16
-"""Smallest number of positions of which some can be told to be outliers."""
+"""Smallest number of positions among which outliers are searched for."""
 
 
 def far_outliers(positions: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, " p"]:

@@ -28,9 +28,9 @@ LETTER_OF_COLOUR = re.compile(r"(?:colou?rs?|diffuse|rgba?|vertex)*([rgba])(?:f|
 """Name of a channel of the colours that ends in its letter, such as "colorr" or "rf"."""
 NORMAL = re.compile(r"(?:normals?|nrm|norm|n)([xyz])")
 """Name of a component of the normals without separators, such as "normalx"."""
-BRACKETS = re.compile(r"\s*(?:\([^()]*\)|\[[^\[\]]+\])")
+BRACKETS = re.compile(r"(?<!\s)\s*+(?:\([^()]*\)|\[[^\[\]]+\])")
 """Unit or remark in brackets; empty brackets mark a list."""
-LIST = re.compile(r"\s+as\s*\(.*\)\s*$")
+LIST = re.compile(r"(?<!\s)\s++as\s*+\([^()]*\)\s*$")
 """Explanation of a list of varying length at the end of COLMAP's line of names."""
 WORD_OF_AXIS = re.compile(r"\b(?:coord(?:inate)?s?|pos(?:ition)?|point)\.?[ \t]+(?=[xyz]\b)", re.IGNORECASE)
 """Word before the letter of an axis, such as "Coord." in "Coord. X"."""

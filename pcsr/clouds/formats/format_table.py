@@ -57,7 +57,7 @@ NAMED_READERS: dict[str, Callable[[bytes], Cloud]] = {
     "nuscenes": binary.read_nuscenes,
     "colmap": colmap.read,
 }
-"""Readers of formats that no suffix tells, by the name of the format."""
+"""Readers of formats without a suffix of their own, by the name of the format."""
 CLOUD_WRITERS: dict[str, Callable[[Cloud], bytes]] = {
     ".ply": ply_writing.write,
     ".pcd": pcd.write,
@@ -102,7 +102,7 @@ COLMAP_FILE = "points3d.bin"
 
 
 def format_of(path: Path, chosen: str | None = None) -> str:
-    """Return the format of a file: the chosen one, or else the one that its name tells.
+    """Return the format of a file: the chosen one, or else that of the file's name.
 
     Args:
         path: path of the file.
@@ -126,7 +126,7 @@ def format_of(path: Path, chosen: str | None = None) -> str:
 
 
 def named_by(path: Path) -> bool:
-    """Return whether the name of a file tells its format."""
+    """Return whether the format of a file follows from its name."""
     return path.suffix.lower() in CLOUD_READERS or path.name.lower() == COLMAP_FILE
 
 
@@ -143,8 +143,8 @@ def check_columns(columns: str | Sequence[str] | None, kind: str, name: str) -> 
     """
     if columns is not None and kind not in TEXT_READERS:
         raise UserError(
-            f"{name} is a {kind} file, whose columns have names or places of their own: --columns is for "
-            f"{', '.join(sorted(TEXT_READERS))}"
+            f"{name} is a {kind} file, whose format names its columns or fixes their order: "
+            f"--columns is for {', '.join(sorted(TEXT_READERS))}"
         )
 
 

@@ -44,9 +44,9 @@ def guess_names(columns: Mapping[int, np.ndarray]) -> tuple[dict[int, str], str]
         )
     found = []
     for group, what in ((COLOURS, "colours"), (NORMALS, "normals")):
-        places = [i + 1 for i, name in names.items() if name in group]
-        if places:
-            found.append(f"columns {places[0]} to {places[-1]} were taken for {what}")
+        numbers = [i + 1 for i, name in names.items() if name in group]
+        if numbers:
+            found.append(f"columns {numbers[0]} to {numbers[-1]} were taken for {what}")
     return names, f"its {' and '.join(found)}, by their values: if they are not, name them by --columns x,y,z,…"
 
 

@@ -11,6 +11,8 @@ from pcsr.errors import UserError
 FACE = re.compile(r"^[ \t]*f[ \t]+([^\r\n#]*)", re.MULTILINE)
 CORNER = re.compile(r"[+-]?\d+(/[+-]?\d*){0,2}")
 """Corner of a face of an OBJ: the numbers of its vertex, texture coordinate and normal."""
+LONGEST = 20
+"""Most digits of the number of a vertex."""
 ZERO = re.compile(r"^[ \t]*f[ \t](?:[^\r\n#]*[ \t])?[+-]?0+(?=[/ \t\r\n]|$)", re.MULTILINE)
 """Face of an OBJ up to a corner at vertex 0."""
 
@@ -32,17 +34,20 @@ def check_mesh(data: bytes, suffix: str) -> None:
 
 
 def fault(data: bytes, suffix: str) -> str:
-    """Return what is wrong with a mesh file that trimesh cannot read, as far as it can be told."""
+    """Return the reason why trimesh cannot read a mesh file; a general one if the cause is not found."""
     if suffix == ".obj":
         text = obj_text(data)
         count = len(obj_vertices(text)[0])
         for face in FACE.finditer(text):
             for word in face[1].split():
-                place = f"line {_line(text, face.end())}"
+                vertex = word.partition("/")[0]
                 if not CORNER.fullmatch(word):
-                    return f"{place}: a face has the corner '{word[:40]}', which is no number"
-                if not 0 < abs(int(word.partition("/")[0])) <= count:
-                    return f"{place}: a face names vertex {word.partition('/')[0][:20]}, and there are {count}"
+                    wrong = f"has the corner '{word[:40]}', which is no number"
+                elif len(vertex) > LONGEST or not 0 < abs(int(vertex)) <= count:
+                    wrong = f"names vertex {vertex[:LONGEST]}, and there are {count}"
+                else:
+                    continue
+                return f"line {_line(text, face.end())}: a face {wrong}"
     return f"it is damaged, or not a {suffix} file: get the file again, or save it anew"
 
 

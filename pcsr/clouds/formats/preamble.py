@@ -12,10 +12,10 @@ COMMENT = re.compile(rb"^[ \t]*(?:#|//|%).*$|[ \t]#[ \t].*$", re.MULTILINE)
 """Line that is a comment, or the end of a line that is one."""
 COUNT = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*\r?$", re.MULTILINE)
 """Line with one integer, the number of points that follow."""
-BLANK = re.compile(rb"^[ \t;,|]*[;,|][ \t;,|]*\r?$", re.MULTILINE)
+BLANK = re.compile(rb"^[ \t]*+[;,|][ \t;,|]*+\r?$", re.MULTILINE)
 """Line with separators alone, as spreadsheets write empty rows."""
 EXCEL = re.compile(r'"?sep=.{1,2}"?[;,\t]*', re.IGNORECASE)
-"""Line that tells Excel the separator."""
+"""Line that sets the separator for Excel."""
 OFF = re.compile(r"(?:ST)?C?N?OFF\s*")
 """First line of an OFF mesh."""
 MOST_LINES = 1000

@@ -11,6 +11,7 @@ from pcsr.clouds.formats.missing import is_number, number
 from pcsr.clouds.formats.separators import Layout
 from pcsr.clouds.formats.table import Rows, read_table
 from pcsr.errors import UserError
+from pcsr.limits import MOST_COLUMNS
 
 NAMES = ("x", "y", "z", "intensity", "red", "green", "blue")
 """Names of the columns, of which the first 3, the first 4 or all are there."""
@@ -109,6 +110,8 @@ def _scan(data: bytes, line: int) -> tuple[Float64[np.ndarray, "n 3"], dict[str,
     sample = [row for row in sample if row]
     if not sample or len(sample[0]) < 3:
         raise UserError(f"line {line} should be a point: x, y, z and its intensity")
+    if (width := max(map(len, sample))) > MOST_COLUMNS:
+        raise UserError(f"it has {width} columns, and {MOST_COLUMNS} are the most: remove some")
     table = read_table(Rows(data, 0, line, layout, [0, 1, 2]), sample)
     points = np.stack([np.asarray(table.columns.pop(i), np.float64) for i in range(3)], axis=-1)
     columns, _, notes = name_columns(table, NAMES)

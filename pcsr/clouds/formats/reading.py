@@ -18,6 +18,8 @@ from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
+TOO_LARGE = "convert it to LAS, LAZ, binary PLY or NPY, which `pcsr upsample` reads in parts, or split it"
+"""Remedy for files that do not fit into memory."""
 LONGEST = 500
 """Longest reason in a message, in characters."""
 
@@ -33,7 +35,7 @@ def read_cloud(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default what the path's name tells.
+        suffix: suffix or name of the format, such as ".ply" or "kitti"; by default that of the path's name.
         bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
             number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
             faults.
@@ -86,33 +88,6 @@ def read_cloud_pipe(
     return _complete(_read(data, kind, name, read), name, bad)
 
 
-def read_cloud_bytes(
-    data: bytes,
-    suffix: str,
-    name: str,
-    *,
-    bad: Bad = "refuse",
-    columns: str | Sequence[str] | None = None,
-) -> Cloud:
-    """Read a cloud from the bytes of a file.
-
-    Args:
-        data: content of the file.
-        suffix: suffix or name of the format, such as ".ply" or "kitti".
-        name: name of the file, for messages.
-        bad: as in `read_cloud`.
-        columns: as in `read_cloud`.
-
-    Raises:
-        UserError: as `read_cloud`.
-
-    Warns:
-        PcsrWarning: as `read_cloud`.
-    """
-    kind = format_of(Path(), suffix)
-    return _complete(_read(data, kind, name, _reader(kind, name, columns)), name, bad)
-
-
 def read_points(
     path: Path, suffix: str | None = None, *, columns: str | Sequence[str] | None = None
 ) -> Float[np.ndarray, "n 3"]:
@@ -120,7 +95,7 @@ def read_points(
 
     Args:
         path: path of the file.
-        suffix: suffix or name of the format; by default what the path's name tells.
+        suffix: suffix or name of the format; by default that of the path's name.
         columns: names of the columns of a text file, as in `read_cloud`; other files are read without them.
 
     Raises:
@@ -139,7 +114,8 @@ def read_points(
 
 
 def _content(path: Path, kind: str) -> bytes:
-    return read_bytes(path, memory=memory(kind), check=partial(check_start, suffix=kind, name=str(path)))
+    check = partial(check_start, suffix=kind, name=str(path))
+    return read_bytes(path, memory=memory(kind), check=check, remedy=TOO_LARGE)
 
 
 def _reader(kind: str, name: str, columns: str | Sequence[str] | None) -> Callable[[bytes], Cloud]:

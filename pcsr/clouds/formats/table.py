@@ -21,8 +21,10 @@ SPELLED = "S40"
 """Type of a column that is read as words and then converted."""
 NEXT_KIND = {"i8": "f8", "f8": SPELLED}
 """Type by which a column is read if another fails."""
-CHUNK = 1 << 15
-"""Lines that are read word by word at once."""
+CHUNK = 1 << 18
+"""Number of words that are converted at once."""
+ATTEMPTS = 8
+"""Number of attempts at reading all columns by NumPy, each with another type of a column."""
 
 
 @dataclass
@@ -100,7 +102,7 @@ def read_table(rows: Rows, sample: Sequence[Sequence[str]]) -> Table:
             kinds[i] = "words"
         else:
             kinds[i] = "i8" if all(map(INTEGER.fullmatch, column)) else "f8"
-    while True:
+    for _ in range(ATTEMPTS):
         try:
             table = _read_fast(rows, kinds)
             break
@@ -111,6 +113,8 @@ def read_table(rows: Rows, sample: Sequence[Sequence[str]]) -> Table:
             if kinds.get(at) not in NEXT_KIND:
                 return _read_by_words(rows)
             kinds[at] = NEXT_KIND[kinds[at]]
+    else:
+        return _read_by_words(rows)
     empty = [i for i, kind in kinds.items() if kind == "empty"]
     if any((table[f"{i}"] != "").any() for i in empty):
         return _read_by_words(rows)
@@ -169,7 +173,7 @@ def _read_by_words(rows: Rows) -> Table:
     words: dict[int, str] = {}
     missing: Counter[int] = Counter()
     split = rows.split()
-    while chunk := list(islice(split, CHUNK)):
+    while chunk := list(islice(split, max(1, CHUNK // width))):
         for i in wanted:
             if i not in words:
                 column = [row[i] if i < len(row) else "" for _, row in chunk]

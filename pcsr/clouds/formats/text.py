@@ -89,7 +89,7 @@ def _read(
         names = next((each for each in found if len(each.names) == width), found[0])
     else:
         names = choose_names(found, head, sample, must=must)
-    if default is not None and not names.named:
+    if default is not None and not (names.given or names.named):
         names.names = ["x", "y", "z", *default.get(width, ())]
     rows = Rows(layout.plain(data), head.start, head.line, layout, names.axes, _only(names, all_columns))
     table = read_table(rows, sample)

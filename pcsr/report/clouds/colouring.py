@@ -119,7 +119,8 @@ def _codes(values: Float[np.ndarray, " n"], different: Float[np.ndarray, " k"]) 
 
 def _finite(column: np.ndarray) -> Float[np.ndarray, " n"]:
     """A column as doubles, NaN where it is not finite."""
-    values = column.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of signalling NaN
+        values = column.astype(np.float64)
     return np.where(np.isfinite(values), values, np.nan)
 
 

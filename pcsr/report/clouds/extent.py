@@ -17,7 +17,7 @@ APART = 20.0
 def ends(values: Float[np.ndarray, "n k"]) -> tuple[Float64[np.ndarray, " k"], Float64[np.ndarray, " k"]]:
     """Return the lowest and highest values of each column, or without values those of 0 and 1.
 
-    If few values lie so far out that the others would not be told apart, these values are left out.
+    If a few values lie so far out that the others would be drawn as one dot, these few are left out.
     """
     if not len(values):
         return np.zeros(values.shape[1]), np.ones(values.shape[1])

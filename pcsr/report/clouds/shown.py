@@ -42,7 +42,7 @@ class ShownCloud:
     outside: int
     """Number of points that are so far away that they are not shown."""
     counts: str = ""
-    """Numbers of old, new and touched points in the whole cloud, if they are told apart: ``200 old, 600 new``."""
+    """Numbers of old, new and touched points in the whole cloud, empty if they are not marked: ``200 old, 600 new``."""
 
     @property
     def caption(self) -> str:

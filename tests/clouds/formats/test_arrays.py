@@ -6,7 +6,8 @@ import pytest
 
 from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes, read_cloud
+from tests.clouds.reading import read_cloud_bytes
 
 POINTS = np.array([[0.5, 1, 2], [3, 4.25, 5]])
 
@@ -20,7 +21,7 @@ def npy(array):
 @pytest.mark.parametrize("kind", ["<f4", ">f8", "i2", "u1"])
 def test_further_columns_of_an_array_are_kept_in_its_type(kind):
     array = np.arange(10).reshape(2, 5).astype(kind)
-    cloud = read_cloud_bytes(npy(array), ".npy", "it")
+    cloud = read_cloud_bytes(npy(array), ".npy")
     assert cloud.points.tolist() == [[0, 1, 2], [5, 6, 7]]
     assert {name: column.tolist() for name, column in cloud.columns.items()} == {"c3": [3, 8], "c4": [4, 9]}
     assert {column.dtype for column in cloud.columns.values()} == {np.dtype(kind).newbyteorder("=")}
@@ -30,14 +31,14 @@ def test_further_columns_of_an_array_are_kept_in_its_type(kind):
 
 
 def test_an_array_takes_doubles_where_its_own_type_would_lose_something():
-    cloud = read_cloud_bytes(npy(np.zeros((2, 4), "f4")), ".npy", "it")
+    cloud = read_cloud_bytes(npy(np.zeros((2, 4), "f4")), ".npy")
     for points, columns in ((POINTS + 0.1, {}), (POINTS + 1e300, {}), (POINTS, {"c3": np.array([0.1, np.nan])})):
         again = np.load(BytesIO(cloud_bytes(Cloud(points, columns, cloud.about), ".npy")))
         assert again.dtype == np.float64
         np.testing.assert_array_equal(again, np.column_stack([points, *columns.values()]))
     kept = Cloud(POINTS, {"c3": np.array([0.5, np.nan])}, cloud.about)
     assert np.load(BytesIO(cloud_bytes(kept, ".npy"))).dtype == np.float32
-    ints = read_cloud_bytes(npy(np.zeros((2, 4), "i4")), ".npy", "it").about
+    ints = read_cloud_bytes(npy(np.zeros((2, 4), "i4")), ".npy").about
     assert np.load(BytesIO(cloud_bytes(Cloud(POINTS, {"c3": kept.columns["c3"]}, ints), ".npy"))).dtype == np.float64
 
 
@@ -52,7 +53,7 @@ def test_integers_that_doubles_do_not_hold_are_refused(value):
     with pytest.raises(UserError, match=r"large integers of column 'id': write a \.npz"):
         cloud_bytes(Cloud(POINTS, {"id": np.array([0, value])}), ".npy")
     data = cloud_bytes(Cloud(POINTS, {"id": np.array([0, value])}), ".npz")
-    assert read_cloud_bytes(data, ".npz", "it").columns["id"].tolist() == [0, value]
+    assert read_cloud_bytes(data, ".npz").columns["id"].tolist() == [0, value]
 
 
 def test_every_array_with_a_row_for_each_point_is_a_column(tmp_path):
@@ -78,7 +79,7 @@ def test_every_array_with_a_row_for_each_point_is_a_column(tmp_path):
 
 
 def test_an_only_array_gives_the_points(tmp_path):
-    np.savez(tmp_path / "a.npz", felt=POINTS)
+    np.savez(tmp_path / "a.npz", touched=POINTS)
     assert read_cloud(tmp_path / "a.npz").points.tolist() == POINTS.tolist()
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pcsr import PcsrWarning, UserError
-from pcsr.clouds.formats import read_cloud, read_cloud_bytes
+from pcsr.clouds.formats import read_cloud
+from tests.clouds.reading import read_cloud_bytes
 
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
 
@@ -38,13 +39,13 @@ def test_what_is_cut_off_or_something_else_is_refused():
     whole = points3d()
     for length in range(1, len(whole)):
         with pytest.raises(UserError, match=r"it: it (is cut off|claims)"):
-            read_cloud_bytes(whole[:length], "colmap", "it")
+            read_cloud_bytes(whole[:length], "colmap")
     with pytest.raises(UserError, match="goes on for 3 bytes after its 30 points"):
-        read_cloud_bytes(whole + b"abc", "colmap", "it")
+        read_cloud_bytes(whole + b"abc", "colmap")
     with pytest.raises(UserError, match=r"claims .* points and has room for"):
-        read_cloud_bytes(POINTS.astype("<f4").tobytes(), "colmap", "it")
+        read_cloud_bytes(POINTS.astype("<f4").tobytes(), "colmap")
 
 
 def test_the_format_in_text_is_read_as_text():
-    cloud = read_cloud_bytes(b"# X Y Z R G B\n1 2 3 4 5 6\n", "colmap", "it")
+    cloud = read_cloud_bytes(b"# X Y Z R G B\n1 2 3 4 5 6\n", "colmap")
     assert cloud.points.tolist() == [[1, 2, 3]]

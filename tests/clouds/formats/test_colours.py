@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes
 from pcsr.clouds.formats.colours import brightest, in_bytes
+from tests.clouds.reading import read_cloud_bytes
 
 NAMES = ("red", "green", "blue")
 POINTS = np.zeros((3, 3)) + np.arange(3)[:, None]
@@ -52,10 +53,10 @@ def test_other_columns_are_kept_and_nothing_is_overwritten():
 @pytest.mark.parametrize("suffix", [".obj", ".npz", ".xyz", ".pcd", ".las"])
 def test_a_ply_gets_bytes_whatever_the_colours_came_from(suffix):
     colours = named(np.array([0, 51, 255], "u1"))
-    there = read_cloud_bytes(cloud_bytes(Cloud(POINTS, colours), suffix), suffix, "it")
+    there = read_cloud_bytes(cloud_bytes(Cloud(POINTS, colours), suffix), suffix)
     data = cloud_bytes(there, ".ply")
     assert all(f"property uchar {name}\n".encode() in data for name in NAMES)
-    again = read_cloud_bytes(data, ".ply", "it")
+    again = read_cloud_bytes(data, ".ply")
     assert [again.columns[name].tolist() for name in NAMES] == [[0, 51, 255]] * 3
 
 
@@ -68,7 +69,7 @@ def test_a_ply_keeps_the_colours_that_it_came_with(kind, name):
     rows = np.zeros(2, [("xyz", "<f4", 3), ("rgb", f"<{kind}", 3)])
     rows["rgb"] = [[0, 1, 0], [1, 0, 1]]
     data = (head + lines + "end_header\n").encode() + rows.tobytes()
-    assert cloud_bytes(read_cloud_bytes(data, ".ply", "it"), ".ply") == data
+    assert cloud_bytes(read_cloud_bytes(data, ".ply"), ".ply") == data
 
 
 def test_las_stays_las():
@@ -79,8 +80,8 @@ def test_las_stays_las():
     las.red, las.green, las.blue = [0, 1, 65535], [255, 256, 257], [7, 8, 9]
     file = BytesIO()
     las.write(file)
-    cloud = read_cloud_bytes(file.getvalue(), ".las", "it")
-    again = read_cloud_bytes(cloud_bytes(cloud, ".las"), ".las", "it")
+    cloud = read_cloud_bytes(file.getvalue(), ".las")
+    again = read_cloud_bytes(cloud_bytes(cloud, ".las"), ".las")
     for name in NAMES:
         assert again.columns[name].dtype == np.uint16
         np.testing.assert_array_equal(again.columns[name], las[name])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pcsr import PcsrWarning, UserError
-from pcsr.clouds.formats import read_cloud, read_cloud_bytes
+from pcsr.clouds.formats import read_cloud
+from tests.clouds.reading import read_cloud_bytes
 
 RNG = np.random.default_rng(0)
 XYZ = RNG.normal(size=(50, 3)).astype("f4").astype("f8")
@@ -16,7 +17,7 @@ def test_without_pye57_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pye57", None)
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
     with pytest.raises(UserError, match=r"E57 needs pye57, which is not installed: pip install 'pcsr\[e57\]'"):
-        read_cloud_bytes(b"ASTM-E57", ".e57", "it")
+        read_cloud_bytes(b"ASTM-E57", ".e57")
 
 
 @pytest.fixture
@@ -96,7 +97,7 @@ def test_damage_anywhere_is_said_in_our_words(scanned):
 def said(data):
     """The message about a file that begins like an E57, without the file's name."""
     try:
-        read_cloud_bytes(b"ASTM-E57" + data[8:], ".e57", "it")
+        read_cloud_bytes(b"ASTM-E57" + data[8:], ".e57")
     except UserError as error:
         return str(error).removeprefix("it: ")
     return ""

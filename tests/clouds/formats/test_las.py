@@ -6,7 +6,8 @@ import pytest
 
 from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes, writable
+from pcsr.clouds.formats import cloud_bytes, writable
+from tests.clouds.reading import read_cloud_bytes
 
 POINTS = np.array(
     [[4_512_345.678, 5_398_765.432, 312.001], [4_512_349.12, 5_398_760.0, -7.5], [4_512_347.0, 5_398_761.5, 0]]
@@ -16,7 +17,7 @@ POINTS = np.array(
 def test_without_laspy_the_remedy_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "laspy", None)
     for use in (
-        lambda: read_cloud_bytes(b"LASF", ".las", "it"),
+        lambda: read_cloud_bytes(b"LASF", ".las"),
         lambda: cloud_bytes(Cloud(POINTS), ".laz"),
         lambda: writable(tmp_path / "a.las"),
     ):
@@ -54,7 +55,7 @@ def scan(laspy, point_format=7):
 
 
 def read(data):
-    return read_cloud_bytes(data, ".las", "it")
+    return read_cloud_bytes(data, ".las")
 
 
 @pytest.mark.parametrize("point_format", [3, 7])
@@ -183,7 +184,7 @@ def test_laz_holds_the_same_or_names_the_remedy(laspy, tmp_path):
     if laspy.LazBackend.detect_available():
         writable(tmp_path / "a.laz")
         cloud = read(scan(laspy))
-        again = read_cloud_bytes(cloud_bytes(cloud, ".laz"), ".laz", "it")
+        again = read_cloud_bytes(cloud_bytes(cloud, ".laz"), ".laz")
         assert again.points.tobytes() == cloud.points.tobytes()
         assert list(again.columns) == list(cloud.columns)
     else:
@@ -208,13 +209,13 @@ def copc(laspy):
 
 def test_a_copc_is_read_and_written_as_plain_laz(laspy, tmp_path):
     with pytest.warns(PcsrWarning, match=r"it is a COPC: the octree in 2 of its records was left out"):
-        cloud = read_cloud_bytes(copc(laspy), ".laz", "it")
+        cloud = read_cloud_bytes(copc(laspy), ".laz")
     writable(tmp_path / "out.laz", cloud)
     out = cloud_bytes(cloud, ".laz")
     header = laspy.read(BytesIO(out)).header
     assert b"copc" not in out
     assert "LASF_Projection" in {record.user_id for record in header.vlrs}
-    np.testing.assert_allclose(read_cloud_bytes(out, ".laz", "it").points, POINTS, atol=0.001)
+    np.testing.assert_allclose(read_cloud_bytes(out, ".laz").points, POINTS, atol=0.001)
     with pytest.raises(UserError, match=r"COPC cannot be written: name a plain LAZ file, out\.laz"):
         writable(tmp_path / "out.copc.laz")
 
@@ -260,4 +261,4 @@ def test_a_header_that_is_cut_off_is_refused(length):
     data = cloud_bytes(Cloud(np.random.default_rng(0).normal(size=(9, 3))), ".las")
     assert int.from_bytes(data[94:96], "little") == 375
     with pytest.raises(UserError, match="it is cut off in its header"):
-        read_cloud_bytes(data[:length], ".las", "it")
+        read_cloud_bytes(data[:length], ".las")

@@ -6,14 +6,15 @@ import trimesh
 
 from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes, read_cloud
 from pcsr.clouds.meshes import read_mesh
+from tests.clouds.reading import read_cloud_bytes
 
 BOX = trimesh.creation.box((1, 2, 3))
 
 
 def read(text, suffix):
-    return read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it")
+    return read_cloud_bytes(text, suffix)
 
 
 def found(cloud):
@@ -117,11 +118,11 @@ def test_a_scene_gives_all_vertices_in_their_places(tmp_path):
 def test_a_cloud_in_a_glb_is_read(tmp_path):
     points = np.arange(12.0).reshape(4, 3)
     colours = np.arange(16, dtype=np.uint8).reshape(4, 4)
-    for told in (None, colours):
-        trimesh.PointCloud(points, colors=told).export(tmp_path / "cloud.glb")
+    for notes in (None, colours):
+        trimesh.PointCloud(points, colors=notes).export(tmp_path / "cloud.glb")
         cloud = read_cloud(tmp_path / "cloud.glb")
         np.testing.assert_array_equal(cloud.points, points)
-        assert [column.tolist() for column in cloud.columns.values()] == ([] if told is None else colours.T.tolist())
+        assert [column.tolist() for column in cloud.columns.values()] == ([] if notes is None else colours.T.tolist())
 
 
 def test_normals_stay_upright_where_a_scene_is_stretched_and_turned(tmp_path):

@@ -7,7 +7,8 @@ from pypcd4 import Encoding, PointCloud
 
 from pcsr import PcsrWarning, UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes
+from tests.clouds.reading import read_cloud_bytes
 
 ENCODINGS = ["ascii", "binary", "binary_compressed"]
 POINTS = np.array([[0.5, 1, 2], [3, 4.25, 5]])
@@ -23,7 +24,7 @@ def pcd(fields, sizes, types, counts, rows, data="ascii", more=""):
 
 
 def read(data):
-    return read_cloud_bytes(data, ".pcd", "it")
+    return read_cloud_bytes(data, ".pcd")
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -181,7 +182,7 @@ def test_an_organised_cloud_with_nan_is_read_without_them():
     whole = pcd("x y z", "4 4 4", "F F F", "1 1 1", rows).replace(b"WIDTH 4\nHEIGHT 1", b"WIDTH 2\nHEIGHT 2")
     with pytest.raises(UserError, match="2 of 4 points have a coordinate that is not finite"):
         read(whole)
-    cloud = read_cloud_bytes(whole, ".pcd", "it", bad="drop")
+    cloud = read_cloud_bytes(whole, ".pcd", bad="drop")
     assert cloud.points.tolist() == POINTS.tolist()
     assert b"WIDTH 2\nHEIGHT 1\n" in cloud_bytes(cloud, ".pcd")
 
@@ -193,16 +194,16 @@ def test_arrays_are_written_in_their_precision(kind, size):
     np.save(array, points)
     np.savez(archive, points=points)
     for file, suffix in ((array, ".npy"), (archive, ".npz")):
-        written = cloud_bytes(read_cloud_bytes(file.getvalue(), suffix, "it"), ".pcd")
+        written = cloud_bytes(read_cloud_bytes(file.getvalue(), suffix), ".pcd")
         assert size in written
-        np.testing.assert_array_equal(read_cloud_bytes(written, ".pcd", "it").points, points)
+        np.testing.assert_array_equal(read_cloud_bytes(written, ".pcd").points, points)
 
 
 def test_what_was_single_is_written_as_single():
     """Decimal numbers of a PLY that declares them as single, but not metres in millions."""
     head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     for rows, size in (("0.1 0.2 0.3\n1 2 3.3\n", 4), ("4512345.678 0 0\n4512346.1 1 1\n", 8)):
-        cloud = read_cloud_bytes((head + rows).encode(), ".ply", "it")
+        cloud = read_cloud_bytes((head + rows).encode(), ".ply")
         data = cloud_bytes(cloud, ".pcd")
         assert f"SIZE {size} {size} {size}\n".encode() in data
         np.testing.assert_allclose(read(data).points, cloud.points, rtol=1e-7 if size == 4 else 0)

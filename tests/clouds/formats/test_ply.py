@@ -3,7 +3,8 @@ import pytest
 import trimesh
 
 from pcsr import PcsrWarning, UserError
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes
+from tests.clouds.reading import read_cloud_bytes
 
 FULL = (
     "ply\nformat {encoding} 1.0\ncomment by hand: ä\nobj_info scan 7\n"
@@ -43,7 +44,7 @@ def full(encoding, cameras=((1.5, (1, 2, 3)), (2.5, (4,))), header=FULL):
 
 
 def read(data):
-    return read_cloud_bytes(data if isinstance(data, bytes) else data.encode(), ".ply", "it")
+    return read_cloud_bytes(data, ".ply")
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
@@ -100,7 +101,7 @@ def test_line_ends_of_windows_and_comments_in_other_encodings_are_taken():
 def test_a_name_in_another_encoding_is_one_that_every_format_takes():
     data = full("ascii").replace(b"time", b"\xb5s")
     for suffix in (".ply", ".npz", ".pcd", ".xyz", ".csv"):
-        again = read_cloud_bytes(cloud_bytes(read(data), suffix), suffix, "it")
+        again = read_cloud_bytes(cloud_bytes(read(data), suffix), suffix)
         assert again.columns["_s" if suffix == ".pcd" else "\ufffds"].tolist() == [0.1, 1e300, 9]
 
 

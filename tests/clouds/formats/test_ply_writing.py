@@ -6,13 +6,14 @@ from hypothesis import strategies as st
 
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes, write_cloud
+from pcsr.clouds.formats import cloud_bytes, write_cloud
 from pcsr.clouds.formats.ply import TYPES
 from pcsr.clouds.formats.ply_writing import smallest
+from tests.clouds.reading import read_cloud_bytes
 
 
 def read(data):
-    return read_cloud_bytes(data, ".ply", "it")
+    return read_cloud_bytes(data, ".ply")
 
 
 def test_coordinates_are_floats_only_where_nothing_is_lost():

@@ -1,20 +1,16 @@
 """PTS: the columns that the format defines, and counts of points."""
 
-import warnings
-
 import numpy as np
 import pytest
 
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes
+from tests.clouds.reading import read_cloud_bytes, read_with_notes
 
 
 def read(text):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        cloud = read_cloud_bytes(text.encode(), ".pts", "it")
-    return cloud, [str(each.message) for each in said]
+    return read_with_notes(text, ".pts")
 
 
 @pytest.mark.parametrize(
@@ -50,7 +46,7 @@ def test_scans_follow_one_another_with_a_count_each():
 def test_counts_are_compared_with_the_points():
     with pytest.raises(UserError, match="cut off: 2 of its 3 points are there"):
         read("3\n1 2 3\n4 5 6\n")
-    assert read("1\n1 2 3\n4 5 6\n")[1] == ["it: it counts 1 points and holds 2"]
+    assert read("1\n1 2 3\n4 5 6\n")[1] == ["it counts 1 points and holds 2"]
 
 
 def test_what_is_written_is_read_again():
@@ -82,3 +78,12 @@ def test_colours_are_written_from_0_to_255(colour, expected):
 def test_columns_that_the_format_lacks_are_refused(names):
     with pytest.raises(UserError, match=r"a \.pts holds points, an intensity and complete colours, .*: write a \.ply"):
         cloud_bytes(Cloud(np.zeros((1, 3)), {name: np.zeros(1) for name in names}), ".pts")
+
+
+@pytest.mark.parametrize("width", [4, 5, 7])
+def test_given_names_replace_those_of_the_format(width):
+    text = "".join(" ".join(str(start + i) for i in range(width)) + "\n" for start in (10, 20))
+    cloud = read_cloud_bytes(text, ".pts", columns="-,x,y,z")
+    assert cloud.points.tolist() == [[11, 12, 13], [21, 22, 23]]
+    assert cloud.columns == {}
+    assert read_cloud_bytes(text, ".pts", columns="x,y,z").columns == {}

@@ -1,12 +1,10 @@
 """PTX: scans with poses, in one frame."""
 
-import warnings
-
 import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.clouds.formats import read_cloud_bytes
+from tests.clouds.reading import read_with_notes
 
 ROTATION = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
 ROWS = np.array([[1, 2, 3, 0.5], [0, 0, 0, 0], [4, 5, 6, 0.25], [7, 8, 9, 1]])
@@ -22,10 +20,7 @@ def scan(rows, rotation=ROTATION, shift=(10, 20, 30), size=None, *, of_columns=F
 
 
 def read(text):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        cloud = read_cloud_bytes(text.encode(), ".ptx", "it")
-    return cloud, [str(each.message)[4:] for each in said]
+    return read_with_notes(text, ".ptx")
 
 
 MOVED = "its points are in the common frame, by the transformations in its headers"
@@ -80,6 +75,7 @@ WHOLE = scan(ROWS)
         (WHOLE.rpartition("7 8 9")[0], "it is cut off: 3 of 4 points are there from line 11 on"),
         (WHOLE[:20], "line 5 of the file should be"),
         (WHOLE + WHOLE[:4], "line 17 of the file should be"),
+        (scan(np.ones((2, 5000))), "it has 5000 columns, and 4096 are the most: remove some"),
         (scan(ROWS, size=(2.5, 2)), "lines 1 and 2 hold 2.5 and 2, no numbers of columns and rows"),
         (scan(ROWS, size=(-2, -2)), "lines 1 and 2 hold -2 and -2, no numbers of columns and rows"),
         (scan(ROWS, size=(10**9, 10**9)), "it is cut off: 4 of 10*0 points are there"),

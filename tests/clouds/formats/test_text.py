@@ -5,12 +5,13 @@ from hypothesis import strategies as st
 
 from pcsr import UserError
 from pcsr.clouds.cloud import Cloud
-from pcsr.clouds.formats import cloud_bytes, read_cloud_bytes
+from pcsr.clouds.formats import cloud_bytes, table
 from pcsr.clouds.formats.text import read_csv, read_xyz
+from tests.clouds.reading import read_cloud_bytes, read_with_notes
 
 
 def read(text, suffix=".xyz"):
-    return read_cloud_bytes(text if isinstance(text, bytes) else text.encode(), suffix, "it")
+    return read_cloud_bytes(text, suffix)
 
 
 def found(cloud):
@@ -178,3 +179,35 @@ def test_what_was_read_is_written_with_a_line_of_names_if_there_was_one(suffix):
 @pytest.mark.parametrize("text", ["1, 2, 3\n", "1,2,3\n", "1 2 3\n", "1.5, 2.5 3\n"])
 def test_commas_between_columns_are_no_decimal_commas(text):
     assert read_xyz(text.encode()).points.shape == (1, 3)
+
+
+LONG = 1 << 19
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("1 2 3\n" + ";" * LONG + "1\n", "line 2 has 1 columns, at least 3 are needed"),
+        ("x y" + " " * LONG + "z i\n1 2 3 4\n", None),
+        ("# x y z" + " as (" * (LONG // 5) + "\n1 2 3\n", None),
+    ],
+)
+def test_long_runs_of_separators_are_no_burden(text, reason):
+    """A pattern that looks at each of them from each of them would take hours."""
+    if reason is None:
+        assert read_with_notes(text, ".csv")[0].points.tolist() == [[1, 2, 3]]
+    else:
+        with pytest.raises(UserError, match=reason):
+            read(text)
+
+
+def test_many_columns_that_are_no_integers_further_down_take_few_attempts(monkeypatch):
+    attempts, fast = [], table._read_fast
+    monkeypatch.setattr(table, "_read_fast", lambda *arguments: attempts.append(1) or fast(*arguments))
+    width = 40
+    text = ("1 " * width + "\n") * 300 + "1 2 3 4 " + "0.5 " * (width - 5) + "NA\n"
+    columns = found(read_with_notes(text, ".xyz")[0])
+    assert len(attempts) <= table.ATTEMPTS < width - 4
+    assert columns["c3"] == ("i8", [1] * 300 + [4])
+    assert all(columns[f"c{i}"] == ("f8", [1.0] * 300 + [0.5]) for i in range(4, width - 1))
+    assert np.isnan(columns[f"c{width - 1}"][1][-1])

@@ -18,11 +18,11 @@ from pcsr.clouds.formats import (
     CLOUD_WRITERS,
     cloud_bytes,
     read_cloud,
-    read_cloud_bytes,
     read_points,
     writable,
     write_cloud,
 )
+from tests.clouds.reading import read_cloud_bytes
 
 INTEGERS = [f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8)]
 HOLDS = {
@@ -72,9 +72,9 @@ def clouds(draw, suffix):
 @given(data=st.data())
 def test_what_is_written_is_what_is_read(suffix, data):
     cloud = data.draw(clouds(suffix))
-    again = read_cloud_bytes(cloud_bytes(cloud, suffix), suffix, "it")
+    again = read_cloud_bytes(cloud_bytes(cloud, suffix), suffix)
     equal(cloud, again)
-    equal(cloud, read_cloud_bytes(cloud_bytes(again, suffix), suffix, "it"))
+    equal(cloud, read_cloud_bytes(cloud_bytes(again, suffix), suffix))
 
 
 @pytest.mark.parametrize("suffix", MINE)
@@ -93,10 +93,10 @@ def test_colours_and_normals_go_from_each_format_to_each(suffix):
         "colors": np.arange(3 * n, dtype=np.uint8).reshape(n, 3) * 20,
         "normals": np.eye(3)[:n],
     }
-    first = read_cloud_bytes(cloud_bytes(Cloud(METRES, columns), ".ply"), ".ply", "it")
+    first = read_cloud_bytes(cloud_bytes(Cloud(METRES, columns), ".ply"), ".ply")
     assert list(first.columns) == ["red", "green", "blue", "nx", "ny", "nz"]
-    there = read_cloud_bytes(cloud_bytes(first, suffix), suffix, "it")
-    back = read_cloud_bytes(cloud_bytes(there, ".npz"), ".npz", "it")
+    there = read_cloud_bytes(cloud_bytes(first, suffix), suffix)
+    back = read_cloud_bytes(cloud_bytes(there, ".npz"), ".npz")
     named = list(first.columns) if suffix != ".npy" else [f"c{i}" for i in range(3, 9)]
     assert list(back.columns) == named
     for name, column in zip(named, first.columns.values(), strict=True):
@@ -125,7 +125,7 @@ def test_a_binary_file_that_is_cut_off_anywhere_is_refused(suffix):
     whole = cloud_bytes(CONTENT, suffix)
     for length in range(len(whole)):
         with pytest.raises(UserError):
-            read_cloud_bytes(whole[:length], suffix, "it")
+            read_cloud_bytes(whole[:length], suffix)
 
 
 ASCII = {
@@ -144,7 +144,7 @@ def test_text_that_is_cut_off_is_refused_or_loses_the_end_alone(suffix):
     read = 0
     for length in range(len(whole)):
         try:
-            cloud = read_cloud_bytes(whole[:length], suffix, "it")
+            cloud = read_cloud_bytes(whole[:length], suffix)
         except UserError:
             continue
         read += 1
@@ -165,7 +165,7 @@ def test_bytes_that_are_changed_give_a_cloud_or_a_reason(suffix, at, byte, encod
     whole[at : at + len(byte)] = byte
     with suppress(UserError), warnings.catch_warnings():
         warnings.simplefilter("ignore", PcsrWarning)
-        cloud = read_cloud_bytes(bytes(whole), suffix, "it")
+        cloud = read_cloud_bytes(bytes(whole), suffix)
         assert len(cloud) > 0
         assert np.isfinite(cloud.points).all()
 
@@ -187,12 +187,12 @@ def test_an_empty_file_and_noise_are_named(tmp_path, suffix):
 def test_a_file_of_another_kind_than_its_suffix_says_is_named(suffix, claimed):
     data = cloud_bytes(Cloud(METRES), suffix)
     with pytest.raises(UserError, match=rf"it is a \{suffix} file by its content, not a \{claimed}: rename it"):
-        read_cloud_bytes(data, claimed, "it")
+        read_cloud_bytes(data, claimed)
 
 
 def test_text_that_is_called_a_ply_is_named():
     with pytest.raises(UserError, match="it does not begin with 'ply'"):
-        read_cloud_bytes(b"1 2 3\n", ".ply", "it")
+        read_cloud_bytes(b"1 2 3\n", ".ply")
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".xyz", ".csv"])

@@ -1,4 +1,4 @@
-"""`edge-conv`: each visual point hears the touched points nearest to it, whoever else there is."""
+"""`edge-conv`: each visual point uses the touched points nearest to it, whatever others there are."""
 
 import pytest
 import torch
@@ -36,7 +36,7 @@ def close(a, b):
 
 
 def slowly(fusion, points, features, touches):
-    """The line of the module's docstring for one visual point after the other; every touched point can be heard."""
+    """The line of the module's docstring for one visual point after the other; every touched point can be used."""
     rows = []
     for b in range(len(points)):
         touched, message = (
@@ -76,28 +76,28 @@ def test_it_is_the_line_of_its_docstring(seed, neighbours):
     close(fusion(points, features, touches), slowly(fusion, points, features, touches))
 
 
-@given(seed=st.integers(0, 100), heard=st.integers(1, 12))
+@given(seed=st.integers(0, 100), count=st.integers(1, 12))
 @settings(max_examples=15)
 @torch.no_grad()
-def test_neither_the_order_of_touches_nor_that_of_their_points_matters(seed, heard):
+def test_neither_the_order_of_touches_nor_that_of_their_points_matters(seed, count):
     points, features, touches = given_clouds(seed)
     touches.mask[0, 1] = False
     random = torch.Generator().manual_seed(seed)
     a, m = torch.randperm(3, generator=random), torch.randperm(9, generator=random)
     other = TouchBatch(touches.points[:, a][:, :, m], touches.features[:, a][:, :, m], touches.mask[:, a])
-    fusion = made(points_per_touch=heard)
+    fusion = made(points_per_touch=count)
     close(fusion(points, features, other), fusion(points, features, touches))
 
 
 @torch.no_grad()
-def test_visual_points_are_heard_in_any_order():
+def test_visual_points_are_used_in_any_order():
     points, features, touches = given_clouds()
     order, fusion = torch.randperm(N, generator=torch.Generator().manual_seed(1)), made()
     close(fusion(points[:, order], features[:, order], touches), fusion(points, features, touches)[:, order])
 
 
 @torch.no_grad()
-def test_what_stands_in_the_place_of_a_missing_touch_is_not_heard():
+def test_what_stands_in_the_place_of_a_missing_touch_is_not_used():
     points, features, touches = given_clouds()
     mask = torch.tensor([[True, False, True], [False, False, True]])
     fusion = made(neighbours=20)
@@ -125,7 +125,7 @@ def test_a_missing_touch_gets_no_gradient_and_does_no_harm():
 
 
 @torch.no_grad()
-def test_only_the_nearest_are_heard():
+def test_only_the_nearest_are_used():
     points, features, touches = given_clouds(touches=1)
     fusion = made(neighbours=4)
     before = fusion(points, features, touches)
@@ -134,14 +134,14 @@ def test_only_the_nearest_are_heard():
         message = touches.features.clone()
         message[0, 0, j] += 100.0
         moved = (fusion(points, features, TouchBatch(touches.points, message, touches.mask)) != before)[0].any(1)
-        hears = (nearest == j).any(1)
-        assert not moved[~hears].any()
+        near = (nearest == j).any(1)
+        assert not moved[~near].any()
         # 100 more of everything is louder, or softer, than all others in some channel.
-        assert moved[hears].all()
+        assert moved[near].all()
 
 
 @torch.no_grad()
-def test_of_a_dense_touch_points_spread_over_it_are_heard():
+def test_of_a_dense_touch_points_spread_over_it_are_used():
     points, features, _ = given_clouds(rows=1)
     line = torch.zeros(1, 1, 400, 3)
     line[..., 0] = torch.linspace(0, 1, 400)
@@ -151,10 +151,10 @@ def test_of_a_dense_touch_points_spread_over_it_are_heard():
     louder = message[:, 0] + 100.0 * torch.eye(400).unsqueeze(-1)  # in each row another touched point
     rows = (points.expand(400, -1, -1), features.expand(400, -1, -1))
     after = fusion(*rows, TouchBatch(line.expand(400, -1, -1, -1), louder.unsqueeze(1), there.expand(400, 1)))
-    heard = (after - before).abs().flatten(1).amax(1) > 1e-2
-    assert heard.sum() == 8
-    assert (line[0, 0, :, :1] - line[0, 0, heard, 0]).abs().amin(1).max() < 0.15
-    few = TouchBatch(line[:, :, heard], message[:, :, heard], there)
+    used = (after - before).abs().flatten(1).amax(1) > 1e-2
+    assert used.sum() == 8
+    assert (line[0, 0, :, :1] - line[0, 0, used, 0]).abs().amin(1).max() < 0.15
+    few = TouchBatch(line[:, :, used], message[:, :, used], there)
     close(fusion(points, features, few), before)  # features go with their points
 
 

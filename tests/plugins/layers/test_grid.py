@@ -1,4 +1,4 @@
-"""The grid of codes that tells copies apart."""
+"""The grid of codes that distinguishes copies."""
 
 import pytest
 

@@ -36,7 +36,7 @@ def test_gradient_reaches_every_weight():
     net, objective = dis_pu(8), Objective()
     sum(objective.losses(net, clouds(24), clouds(96), 4).values()).backward()
     for name, weight in net.named_parameters():
-        if not name.endswith("key.bias"):  # softmax does not feel it: its gradient is rounding alone
+        if not name.endswith("key.bias"):  # softmax does not depend on it: its gradient is rounding alone
             assert weight.grad is not None, name
             assert weight.grad.abs().max() > 0, name
 

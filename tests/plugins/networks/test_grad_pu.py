@@ -68,7 +68,7 @@ class Twin(nn.Module):
         return maps[-1].amax(2)[0], [one[0].T for one in maps]
 
     def distance(self, candidates, points, everywhere, maps):
-        """The distances of places (q 3)."""
+        """The distances of positions (q 3)."""
         read = [[] for _ in maps]
         for place in candidates:
             apart = (points - place).norm(dim=1)
@@ -119,14 +119,14 @@ def test_distances_are_those_of_the_published_layout(both):
 
 
 def test_the_descent_is_that_of_the_published_layout(both):
-    """Of the same places; the step is theirs for 24 patches of 1024 places each."""
+    """Of the same positions; the step is theirs for 24 patches of 1024 positions each."""
     network, twin = (one.eval() for one in both)
     points, start = torch.randn(1, 50, 3), torch.randn(30, 3) / 2
     with torch.no_grad():
         cloud, features = network.refine(points)
         everywhere, maps = twin.maps(points[0])
         farthest = float(twin.distance(start, points[0], everywhere, maps).median())
-    network.upsampler.farthest = farthest  # half of the places are farther away
+    network.upsampler.farthest = farthest  # half of the positions are farther away
     candidates = start.clone()
     for _ in range(10):
         candidates = candidates.detach().requires_grad_()

@@ -15,8 +15,8 @@ from pcsr.recipe import load
 
 FOLDER = Path(pcsr.__file__).parent / "recipes"
 GRAFTS = sorted(path.stem for path in (FOLDER / "graft").glob("*.yaml"))
-POINTS, RATE, TOUCHES, FELT = 64, 4, 2, 32
-SMALL = ["data.points=256", f"data.rate={RATE}", f"data.touch.points={FELT}"]
+POINTS, RATE, TOUCHES, TOUCHED = 64, 4, 2, 32
+SMALL = ["data.points=256", f"data.rate={RATE}", f"data.touch.points={TOUCHED}"]
 REGISTRY = load_plugins()
 
 
@@ -42,7 +42,7 @@ def name(request):
 
 def clouds(batch=2):
     truth = torch.nn.functional.normalize(torch.randn(batch, POINTS * RATE, 3), dim=-1)
-    touched = torch.stack([truth[:, k::TOUCHES][:, :FELT] for k in range(TOUCHES)], dim=1)
+    touched = torch.stack([truth[:, k::TOUCHES][:, :TOUCHED] for k in range(TOUCHES)], dim=1)
     return truth[:, ::RATE].contiguous(), truth, TouchBatch.of(touched)
 
 

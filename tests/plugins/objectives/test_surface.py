@@ -25,7 +25,7 @@ def sphere(seed=0, n=200, rows=1):
 
 
 def patch(seed=0, n=300):
-    """A plane's, evenly spaced as the truth is, turned any way; its normal; and places in it away from its borders."""
+    """Evenly spaced points of a plane in any orientation, its normal, and positions in it away from its borders."""
     random, turn = torch.Generator().manual_seed(seed), rotation(seed)
     flat = F.pad(2 * torch.rand(6 * n, 2, generator=random) - 1, (0, 1))
     inside = F.pad(1.4 * torch.rand(50, 2, generator=random) - 0.7, (0, 1))
@@ -179,4 +179,4 @@ def test_training_with_it_brings_points_to_the_surface():
         sum(losses.values()).backward()
         optimizer.step()
         history.append(losses["surface"].item())
-    assert history[-1] < 0.5 * history[0], history  # the ways between neighbours cut a sphere short
+    assert history[-1] < 0.5 * history[0], history  # the lines between neighbours cut a sphere short

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from pcsr_plugins.shapes.blobs import sdf
 from pcsr_plugins.shapes.shared.draw import Draw
 
-PLACES = np.random.default_rng(0).uniform(-60, 60, (400, 3))
+POSITIONS = np.random.default_rng(0).uniform(-60, 60, (400, 3))
 SPHERE = sdf.ellipsoid((5, 0, 0), (20, 20, 20))
 LIMB = sdf.limb([(-30, 0, 0), (10, 0, 0)], [12, 6])
 
@@ -15,7 +15,7 @@ points = st.tuples(*3 * [st.floats(-40, 40)])
 
 
 def test_a_sphere_knows_its_distance():
-    np.testing.assert_allclose(SPHERE(PLACES), np.linalg.norm(PLACES - (5, 0, 0), axis=1) - 20, atol=1e-9)
+    np.testing.assert_allclose(SPHERE(POSITIONS), np.linalg.norm(POSITIONS - (5, 0, 0), axis=1) - 20, atol=1e-9)
     assert SPHERE(np.array([[5.0, 0, 0]]))[0] < -10
 
 
@@ -32,7 +32,7 @@ def test_an_ellipsoid_is_zero_on_its_surface_and_rises_outwards_by_one_mm_a_mm(r
 
 
 def test_a_straight_limb_is_a_tapered_capsule():
-    for place, value in zip(PLACES, LIMB(PLACES), strict=True):
+    for place, value in zip(POSITIONS, LIMB(POSITIONS), strict=True):
         share = min(max((place[0] + 30) / 40, 0), 1)
         distance = np.linalg.norm(place - (-30 + 40 * share, 0, 0)) - (12 - 6 * share)
         assert value == pytest.approx(distance / np.hypot(1, 6 / 40), abs=1e-9)
@@ -63,7 +63,7 @@ def test_pieces_do_not_show_on_a_bent_limb():
 def test_a_closed_limb_around_a_circle_is_a_ring():
     turns = np.radians(np.arange(0, 360, 30))
     limb = sdf.limb([(30 * np.cos(t), 30 * np.sin(t), 0) for t in turns], 12 * [5], closed=True)
-    near = PLACES[np.abs(np.hypot(PLACES[:, 0], PLACES[:, 1]) - 30) < 8]
+    near = POSITIONS[np.abs(np.hypot(POSITIONS[:, 0], POSITIONS[:, 1]) - 30) < 8]
     np.testing.assert_allclose(limb(near), sdf.ring((0, 0, 0), 30, 5)(near), atol=0.05)
 
 
@@ -75,30 +75,30 @@ def test_a_ring_around_another_axis_and_place():
 
 @given(st.floats(1, 20))
 def test_joining_adds_only_where_both_are_near(width):
-    joined, least = sdf.joined(width, SPHERE, LIMB)(PLACES), np.minimum(SPHERE(PLACES), LIMB(PLACES))
-    apart = np.abs(SPHERE(PLACES) - LIMB(PLACES)) >= width
+    joined, least = sdf.joined(width, SPHERE, LIMB)(POSITIONS), np.minimum(SPHERE(POSITIONS), LIMB(POSITIONS))
+    apart = np.abs(SPHERE(POSITIONS) - LIMB(POSITIONS)) >= width
     np.testing.assert_allclose(joined[apart], least[apart], atol=1e-9)
     assert (joined[~apart] < least[~apart]).all()
     assert (least - joined <= width / 4 + 1e-9).all()
 
 
 def test_joining_one_body_is_that_body():
-    np.testing.assert_array_equal(sdf.joined(5, SPHERE)(PLACES), SPHERE(PLACES))
+    np.testing.assert_array_equal(sdf.joined(5, SPHERE)(POSITIONS), SPHERE(POSITIONS))
 
 
 @given(st.floats(0.1, 5))
 def test_dents_and_cuts_take_away_only(width):
-    body, dent = SPHERE(PLACES), LIMB(PLACES)
-    assert (sdf.dented(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, -dent) - 1e-9).all()
-    assert (sdf.common(width, SPHERE, LIMB)(PLACES) >= np.maximum(body, dent) - 1e-9).all()
-    assert (sdf.common(width, SPHERE, LIMB)(PLACES) <= np.maximum(body, dent) + width / 4 + 1e-9).all()
+    body, dent = SPHERE(POSITIONS), LIMB(POSITIONS)
+    assert (sdf.dented(width, SPHERE, LIMB)(POSITIONS) >= np.maximum(body, -dent) - 1e-9).all()
+    assert (sdf.common(width, SPHERE, LIMB)(POSITIONS) >= np.maximum(body, dent) - 1e-9).all()
+    assert (sdf.common(width, SPHERE, LIMB)(POSITIONS) <= np.maximum(body, dent) + width / 4 + 1e-9).all()
 
 
 def test_planes_and_shrinking():
-    np.testing.assert_allclose(sdf.above(3)(PLACES), 3 - PLACES[:, 2])
-    np.testing.assert_allclose(sdf.below(3)(PLACES), PLACES[:, 2] - 3)
+    np.testing.assert_allclose(sdf.above(3)(POSITIONS), 3 - POSITIONS[:, 2])
+    np.testing.assert_allclose(sdf.below(3)(POSITIONS), POSITIONS[:, 2] - 3)
     smaller = sdf.ellipsoid((5, 0, 0), (18, 18, 18))
-    np.testing.assert_allclose(sdf.shrunk(SPHERE, 2)(PLACES), smaller(PLACES), atol=1e-9)
+    np.testing.assert_allclose(sdf.shrunk(SPHERE, 2)(POSITIONS), smaller(POSITIONS), atol=1e-9)
 
 
 def test_a_body_is_moved_turned_twisted_and_bent_where_its_places_go():
@@ -126,15 +126,15 @@ def test_lobes_are_as_many_and_as_high_as_asked_and_fade_at_the_axis():
 
 @given(st.integers(0, 2**32), st.floats(0.1, 2), st.integers(1, 3))
 def test_ripples_are_about_as_high_as_asked(seed, height, octaves):
-    change = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    change = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(POSITIONS) - SPHERE(POSITIONS)
     assert 0.6 * height < np.std(change) < 1.6 * height
-    again = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    again = sdf.rippled(SPHERE, Draw("train", seed), height, 20, octaves)(POSITIONS) - SPHERE(POSITIONS)
     np.testing.assert_array_equal(change, again)
-    other = sdf.rippled(SPHERE, Draw("test", seed), height, 20, octaves)(PLACES) - SPHERE(PLACES)
+    other = sdf.rippled(SPHERE, Draw("test", seed), height, 20, octaves)(POSITIONS) - SPHERE(POSITIONS)
     assert not np.allclose(change, other)
 
 
 @pytest.mark.parametrize("chosen", [slice(0, 1), slice(10, 200), slice(0, 0)])
 def test_a_value_does_not_hang_on_its_neighbours(chosen):
-    field = sdf.rippled(sdf.joined(5, LIMB, sdf.limb(PLACES[:4].tolist(), [5, 6, 7, 8])), Draw("train", 0), 1, 9)
-    np.testing.assert_allclose(field(PLACES[chosen]), field(PLACES)[chosen], atol=1e-9)
+    field = sdf.rippled(sdf.joined(5, LIMB, sdf.limb(POSITIONS[:4].tolist(), [5, 6, 7, 8])), Draw("train", 0), 1, 9)
+    np.testing.assert_allclose(field(POSITIONS[chosen]), field(POSITIONS)[chosen], atol=1e-9)

@@ -88,7 +88,7 @@ def test_a_net_of_noise_is_closed_and_faces_outwards(seed, side, filled):
 
 
 def test_a_net_lies_where_values_vanish():
-    """A plane is met exactly, since values between grid places are read off a straight line."""
+    """A plane is met exactly, since values between grid points are interpolated linearly."""
     at = np.indices((8, 8, 8)).astype(float)
     slope = np.array([0.3, -0.2, 0.9])
     values = np.tensordot(slope, at, axes=1) - 3.1

@@ -33,7 +33,7 @@ def test_spread_touches_are_farther_apart_than_random_ones():
         spread = touch(SHAPES["sphere"], 5, seed, policy="spread")
         assert nearest(spread) > 18 > nearest(touch(SHAPES["sphere"], 5, seed))
         first = touch(SHAPES["sphere"], 1, seed)[0]
-        assert np.array_equal(spread[0].points, first.points)  # as nothing was felt yet
+        assert np.array_equal(spread[0].points, first.points)  # as nothing was touched yet
 
 
 def test_sparse_touches_go_where_nobody_looked():
@@ -69,7 +69,7 @@ def test_fingers_too_far_apart_find_only_the_middle_one():
     cube = trimesh.creation.box((40, 40, 40))
     (touched,) = touch(cube, policy="grasp", tilt=0.0, spacing=100.0, at_least_area=1.0)
     assert len(touched.poses) == 2
-    # Opposite to each face of an open prism is an edge, where little is felt.
+    # Opposite to each face of an open prism is an edge, where little is touched.
     prism = trimesh.creation.cylinder(radius=40, height=200, sections=3)
     prism.update_faces(np.abs(prism.face_normals[:, 2]) < 0.5)
     assert touch(prism, tilt=0.0, at_least_area=100.0)

@@ -1,4 +1,4 @@
-"""`descent`: places that go down the predicted distance (Grad-PU)."""
+"""`descent`: positions that go down the predicted distance (Grad-PU)."""
 
 import pytest
 import torch

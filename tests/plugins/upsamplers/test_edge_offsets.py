@@ -27,7 +27,7 @@ def untrained(**options):
 
 
 def trained(seed=0, std=0.1, **options):
-    """One that moves its places."""
+    """One that moves its positions."""
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         fan = untrained(hidden=8, **options)
@@ -61,16 +61,16 @@ def test_untrained_places_are_on_the_near_half_of_the_ways_to_neighbours(seed, n
     points, features = cloud(seed, n, rows=1)
     dense = untrained()(points, features, rate).view(n, -1, 3)
     points, spokes = points[0], min(8, n - 1)
-    assert torch.equal(dense[:, 0], points), "the points themselves are places too"
+    assert torch.equal(dense[:, 0], points), "the points themselves are positions too"
     near = torch.cdist(points, points).argsort(1)[:, 1:17]
-    offsets, places = (points[near] - points[:, None])[:, None], (dense - points[:, None])[:, 1:, None]
-    share = (places * offsets).sum(-1) / offsets.square().sum(-1)  # (point place neighbour)
-    off, which = (places - share.unsqueeze(-1) * offsets).norm(dim=-1).min(-1)
+    offsets, positions = (points[near] - points[:, None])[:, None], (dense - points[:, None])[:, 1:, None]
+    share = (positions * offsets).sum(-1) / offsets.square().sum(-1)  # (point position neighbour)
+    off, which = (positions - share.unsqueeze(-1) * offsets).norm(dim=-1).min(-1)
     assert off.max() < 1e-9
     share = share.gather(-1, which.unsqueeze(-1)).view(n, -1, spokes)  # ring by ring
     steps = torch.arange(1, share.shape[1] + 1, dtype=share.dtype) / share.shape[1]
     torch.testing.assert_close(share, (FARTHEST * steps).view(1, -1, 1).expand_as(share), atol=1e-9, rtol=0)
-    assert share.max() <= 0.45 + 1e-9, "beyond half of the way lie the neighbour's own places"
+    assert share.max() <= 0.45 + 1e-9, "beyond half of the way lie the neighbour's own positions"
 
 
 @given(seed=st.integers(0, 1000), n=st.integers(2, 30), rate=st.integers(1, 12), dimensions=st.sampled_from([1, 2, 3]))
@@ -79,8 +79,8 @@ def test_untrained_places_are_on_the_near_half_of_the_ways_to_neighbours(seed, n
 def test_there_are_as_many_different_places_as_wanted_though_nobody_lies_at_some_angles(seed, n, rate, dimensions):
     points, features = cloud(seed, n, rows=1)
     points[..., dimensions:] = 0
-    for places in untrained()(points, features, rate).view(n, -1, 3):
-        assert len(places.unique(dim=0)) >= 1 + rate
+    for positions in untrained()(points, features, rate).view(n, -1, 3):
+        assert len(positions.unique(dim=0)) >= 1 + rate
 
 
 @given(

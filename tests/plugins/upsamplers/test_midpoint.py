@@ -29,7 +29,7 @@ RECIPE = Path(pcsr.__file__).parent / "recipes" / "tapsr-midpoint.yaml"
 
 
 def trained(refined: int = 6, hidden: int = 5) -> Midpoint:
-    """One that moves places."""
+    """One that moves points."""
     part = Midpoint(Widths(refined=refined), hidden=hidden)
     nn.init.normal_(part.mlp[-1].weight)
     nn.init.normal_(part.mlp[-1].bias)
@@ -146,5 +146,5 @@ def test_training_starts_at_the_interpolation_lowers_the_loss_and_reaches_every_
     assert losses[-1] < 0.8 * losses[0]
     for name, weight in net.named_parameters():
         assert weight.grad is not None, name
-        if not name.endswith("key.bias"):  # softmax does not feel it
+        if not name.endswith("key.bias"):  # softmax does not depend on it
             assert weight.grad.abs().sum() > 0, name

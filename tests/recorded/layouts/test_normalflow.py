@@ -83,7 +83,7 @@ def say(folder, **options):
     return read(folder)
 
 
-def felt():
+def contact():
     """The dent in the sensor's frame as the trial has it: x right, y down, z into the object, in mm."""
     height, _, mask = dent()
     v, u = np.nonzero(mask)
@@ -94,27 +94,27 @@ def test_the_first_frame_is_placed_by_start(trial):
     recording = say(trial)
     assert recording.names == ["frame 0", "frame 1"]
     touch = recording.touches[0]
-    np.testing.assert_allclose(touch.points, felt(), atol=0.1 * PITCH)
-    assert touch.contact_area == pytest.approx(len(felt()) * PITCH**2)
+    np.testing.assert_allclose(touch.points, contact(), atol=0.1 * PITCH)
+    assert touch.contact_area == pytest.approx(len(contact()) * PITCH**2)
     assert (touch.unit, touch.sensor) == (1.0, "gelsight-mini")
     inverse = np.linalg.inv(touch.poses[0])
     local = touch.points @ inverse[:3, :3].T + inverse[:3, 3]
     # Ours has y up, and z above 0 where something presses in.
-    np.testing.assert_allclose(local, felt() * [1, -1, -1], atol=0.1 * PITCH)
+    np.testing.assert_allclose(local, contact() * [1, -1, -1], atol=0.1 * PITCH)
     assert local[:, 2].min() > 0
 
 
 def test_start_carries_the_frame_and_unit_of_the_object(trial):
     start = {"translation": [1, 2, 3], "euler": [90], "axes": "x", "angle": "degrees"}
     touch = say(trial, start=start, unit="cm", object_unit="m").touches[0]
-    x, y, z = felt().T
+    x, y, z = contact().T
     expected = np.stack([10 + x, 20 - z, 30 + y], axis=-1) / 1000
     np.testing.assert_allclose(touch.points, expected, atol=0.1e-3 * PITCH)
 
 
 def test_later_frames_move_with_the_sensor(trial):
     touch = say(trial).touches[1]
-    x, y, z = felt().T
+    x, y, z = contact().T
     np.testing.assert_allclose(touch.points, np.stack([1 - y, 2 + x, 3 + z], axis=-1), atol=0.1 * PITCH)
 
 
@@ -191,7 +191,7 @@ def test_one_of_several_motions_must_be_named(trial):
     with pytest.raises(UserError, match=r"2 files .* \(icp_start_T_currs.npy, nf_start_T_currs.npy\): name one"):
         say(trial)
     touch = say(trial, poses="icp_start_T_currs.npy").touches[1]
-    np.testing.assert_allclose(touch.points, felt(), atol=0.1 * PITCH)
+    np.testing.assert_allclose(touch.points, contact(), atol=0.1 * PITCH)
     with pytest.raises(UserError, match="is not inside"):
         say(trial, poses="../nf_start_T_currs.npy")
 

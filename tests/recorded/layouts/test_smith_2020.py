@@ -20,7 +20,7 @@ class Hostile:
         return os.system, (f"touch {self.path}",)
 
 
-PLACES = [np.array([0.1 * k, 0.2, 0.7]) for k in range(4)]
+POSITIONS = [np.array([0.1 * k, 0.2, 0.7]) for k in range(4)]
 ANGLES = [np.array([0.1, 0.2, 0.3 * k]) for k in range(4)]
 
 
@@ -28,12 +28,12 @@ def ahead(finger, count=5):
     """Points that lie before a finger, in the world: it looks along its own +x."""
     local = np.random.default_rng(finger).uniform(-0.008, 0.008, (count, 3))
     local[:, 0] = 0.01
-    return Rotation.from_euler("xyz", ANGLES[finger]).apply(local) + PLACES[finger]
+    return Rotation.from_euler("xyz", ANGLES[finger]).apply(local) + POSITIONS[finger]
 
 
 def grasp(**changes):
     data = {
-        "cam_pos": PLACES,
+        "cam_pos": POSITIONS,
         "cam_rot": ANGLES,
         "touch_success": [True, False, True, True],
         "depth": [np.ones((100, 100))] * 4,

@@ -13,22 +13,7 @@ from hypothesis import strategies as st
 from pcsr import UserError
 from pcsr.recorded.pickles.rebuild import Inert
 from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
-from tests.clouds.pickles import PROTOCOLS, Hostile, load, same
-
-ARRAYS = [
-    np.arange(6.0).reshape(2, 3),
-    np.arange(6, dtype=">i4").reshape(3, 2),
-    np.asfortranarray(np.arange(12, dtype=np.float32).reshape(3, 4)),
-    np.arange(24).reshape(2, 3, 4).transpose(1, 0, 2),
-    np.array([True, False]),
-    np.array(["touch", "é"]),
-    np.array([b"ab", b"c"]),
-    np.array([1 + 2j]),
-    np.zeros((0, 3)),
-    np.array(3.5),
-    np.array([{"a": [1]}, None, np.ones(2)], dtype=object),
-    np.array({"pos": np.ones(3)}, dtype=object),
-]
+from tests.clouds.pickles import ARRAYS, PROTOCOLS, Hostile, load, same
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

@@ -102,7 +102,7 @@ def test_each_label_is_that_of_its_point(values):
 
 
 @pytest.mark.parametrize("values", [[0, 1, 1, 2], [0, 0, 0, 0], [1.0, 1, 1, 2]])
-def test_the_column_source_tells_old_new_and_touched_points_by_default(values):
+def test_the_column_source_marks_old_new_and_touched_points_by_default(values):
     coloured = {name: np.full(4, 9, np.uint8) for name in ("red", "green", "blue")}
     colours = colours_of([cloud(source=values, **coloured), cloud(**coloured)])
     assert colours.key == Classes("source", ("old", "new", "touched"), (TRUTH, INPUT, TOUCH))
@@ -152,3 +152,9 @@ def test_a_column_that_is_not_there_is_named(by, said):
 def test_a_column_without_any_number_colours_nothing():
     colours = colours_of([cloud(empty=np.full(4, np.nan))], "empty")
     assert colours.clouds[0] is None or not (np.nan_to_num(colours.clouds[0], nan=-1) >= 0).any()
+
+
+def test_signalling_nan_is_no_value():
+    heat = np.array([0, 1, 2, 3], np.float32)
+    heat.view(np.uint32)[1] = 0x7FA00000
+    assert colours_of([cloud(heat=heat)], "heat").clouds[0].tolist() == [0, -1, 1, 2]  # a warning would be an error

@@ -42,9 +42,9 @@ def test_a_large_one_is_thinned_with_its_colours_and_that_is_said(few):
 
 
 def test_the_points_that_are_shown_are_spread_over_the_file(few):
-    places = scene([Named("a", Cloud(np.arange(1500.0).reshape(500, 3)))]).clouds[0].points[:, 0] / 1500
-    assert abs(places.mean() - 0.5) < 0.1
-    assert (np.diff(places) > 0).all()
+    positions = scene([Named("a", Cloud(np.arange(1500.0).reshape(500, 3)))]).clouds[0].points[:, 0] / 1500
+    assert abs(positions.mean() - 0.5) < 0.1
+    assert (np.diff(positions) > 0).all()
 
 
 def test_many_clouds_share_the_points_that_may_be_shown(few):

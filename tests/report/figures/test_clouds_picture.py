@@ -16,7 +16,7 @@ def picture(*clouds, by=None, touches=()):
 
 
 def drawn(axes):
-    """Places and colours of the points of a panel."""
+    """Positions and colours of the points of a panel."""
     (dots,) = axes.collections
     return np.asarray(dots.get_offsets()), dots.get_facecolors()[:, :3]
 
@@ -30,19 +30,19 @@ def test_every_cloud_is_drawn_whole_in_the_same_window():
     first, second, _ = figure.axes  # the third is the scale's
     assert first.get_xlim() == second.get_xlim()
     for axes in (first, second):
-        places, _ = drawn(axes)
-        assert len(places) == 60
-        assert np.abs(places).max() < axes.get_xlim()[1]
+        positions, _ = drawn(axes)
+        assert len(positions) == 60
+        assert np.abs(positions).max() < axes.get_xlim()[1]
     assert np.abs(drawn(second)[0]).max() > 0.85 * second.get_xlim()[1]
     np.testing.assert_allclose(np.ptp(drawn(second)[0]), 2 * np.ptp(drawn(first)[0]), rtol=0.2)
 
 
 def test_up_is_up():
     column = np.array([[0.0, 0, z] for z in range(20)])
-    places, _ = drawn(picture(("a", Cloud(column)), by="none").axes[0])
-    assert (np.ptp(places[:, 0]) < 1e-9) & (np.ptp(places[:, 1]) > 10)
+    positions, _ = drawn(picture(("a", Cloud(column)), by="none").axes[0])
+    assert (np.ptp(positions[:, 0]) < 1e-9) & (np.ptp(positions[:, 1]) > 10)
     nearer = np.argsort(column @ (1, 1, 0.7))  # points are drawn from the farthest on
-    assert (np.diff(places[nearer, 1]) > 0).all()
+    assert (np.diff(positions[nearer, 1]) > 0).all()
 
 
 def test_points_have_their_own_colours():

@@ -117,8 +117,8 @@ def test_examples_are_chosen_by_their_names(draw, results):
 
 def test_each_chart_has_its_place(draw):
     page = draw()
-    places = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
-    assert sorted(places) == sorted(drawn(page)["charts"]) == ["groups", "loss", "validation"]
+    charts = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
+    assert sorted(charts) == sorted(drawn(page)["charts"]) == ["groups", "loss", "validation"]
 
 
 def test_ready_trained_weights_are_said_to_be(draw):
@@ -191,8 +191,8 @@ def test_what_touch_does_has_a_section_where_it_was_measured(draw, results, touc
     assert "0.125 seconds" in text
     assert "0.333" in page.texts("td")
     assert "touch efficiency" in page.texts("dt")
-    places = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
-    assert sorted(places) == sorted(drawn(page)["charts"]) == ["groups", "loss", "touch", "validation"]
+    charts = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
+    assert sorted(charts) == sorted(drawn(page)["charts"]) == ["groups", "loss", "touch", "validation"]
     del results["touch"]
     page = draw()
     assert page.texts("section", id="touch") == []
