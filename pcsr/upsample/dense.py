@@ -1,6 +1,7 @@
 """Upsampling of a cloud of any size to any number of points, patch by patch."""
 
 import functools
+import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -22,8 +23,8 @@ from pcsr.workers import WorkerPool
 
 FEWEST = 16
 """Smallest number of points of a cloud."""
-CORE = 0.55
-"""Largest core of a patch, as a share of its points."""
+MARGIN = 13.5
+"""Number of points of a patch's margin, in square roots of that of its core: three to four rows around it."""
 GAP = 2.0
 """A touched point closer to the cloud than `GAP` local spacings lies in a gap of the cloud, and needs no warning."""
 ALONE = WorkerPool(None, 1)
@@ -178,7 +179,7 @@ def _tasks(
 ) -> Iterator[Task]:
     weight = weights(cloud, plan)
     total, before = weight[rows].sum(), 0.0
-    for patch in patches(cloud, source.size, round(CORE * source.size), rows):
+    for patch in patches(cloud, source.size, core_size(source.size), rows):
         points = cloud[patch.rows]
         after = before + weight[patch.rows[: patch.core]].sum()
         share = round(after / total * plan.new) - round(before / total * plan.new)
@@ -189,6 +190,12 @@ def _tasks(
         known = patch.rows < len(normals)
         around[known] = normals[patch.rows[known]]
         yield Task(points, patch.core, patch.rows < fixed, around, nearby, share, plan.rate)
+
+
+def core_size(size: int) -> int:
+    """Return the largest number of points in the core of a patch of `size` points."""
+    root = (math.sqrt(MARGIN**2 + 4 * size) - MARGIN) / 2
+    return max(size // 2, round(root**2))
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from scipy.special import gammaincinv
 
 from pcsr.threads import threads
-from pcsr.upsample.neighbours import SPACED
 from pcsr.upsample.local_fits import TERMS, LocalFits
+from pcsr.upsample.neighbours import SPACED
 
 SIZES = ((16, 24, 48), (32, 48, 96), (64, 96, 128))
 """Numbers of points that quadrics are fitted to: the first three whose neighbourhoods are wide beside the noise. The

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import UserError
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
-from pcsr.upsample.dense import CORE
+from pcsr.upsample.dense import core_size
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import worker_pool
 
@@ -70,7 +70,7 @@ def test_no_seams_show():
     from pcsr.geometry.patches import patches
 
     owner = np.zeros(len(sheet), int)
-    for number, patch in enumerate(patches(sheet, 256, round(CORE * 256))):
+    for number, patch in enumerate(patches(sheet, 256, core_size(256))):
         owner[patch.rows[: patch.core]] = number
     inner = (np.abs(whole[:, :2] - 0.5) < 0.45).all(1)
     inside = whole[inner]

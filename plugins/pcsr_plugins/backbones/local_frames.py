@@ -16,7 +16,7 @@ from pcsr_plugins.layers.options import Layers, NeighbourCount
 class LocalFrameBackbone(Backbone):
     """f ← f + MLP(LocalFrameConv(Norm(f))), again and again, on one graph."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL})
 
     def __init__(self, widths: Widths, *, layers: Layers = 4, neighbours: NeighbourCount = 16) -> None:
         super().__init__()

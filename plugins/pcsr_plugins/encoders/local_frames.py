@@ -12,7 +12,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 class LocalFrameEncoder(Encoder):
     """One edge convolution on the local reference frames."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL})
 
     def __init__(self, widths: Widths, *, channels: Channels = 64, neighbours: NeighbourCount = 16) -> None:
         super().__init__()

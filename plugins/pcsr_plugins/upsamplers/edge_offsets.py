@@ -30,7 +30,7 @@ FARTHEST = 0.45
 class EdgeOffsets(Upsampler):
     """Displaces candidates on edges by an MLP on the edge's features, in units of the local spacing."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE, Trait.LOCAL})
     max_rate_per_pass: ClassVar[int | None] = 8
 
     def __init__(
