@@ -37,6 +37,7 @@ def read_bytes(
     most: int = LARGEST_FILE,
     memory: int | float = 1.0,
     check: Callable[[bytes], None] = lambda head: None,
+    remedy: str = "split it, or use a machine with more memory",
 ) -> bytes:
     """Read the whole content of a file or a named pipe.
 
@@ -48,6 +49,7 @@ def read_bytes(
         most: largest allowed size in bytes.
         memory: memory that decoding the content takes, in multiples of its size.
         check: called with the beginning of the content, at most `HEAD` bytes; raises a `UserError` to refuse it.
+        remedy: what to do with a file that does not fit into memory, for the message.
 
     Raises:
         UserError: there is no such file, it is a device, folder or socket, is too large, or changes while it is read;
@@ -64,7 +66,7 @@ def read_bytes(
                 f"{path} has {gigabytes(size)}, more than the {gigabytes(most)} that such a file may have: "
                 f"name a smaller one"
             )
-        check_memory(size * memory, f"{path} ({gigabytes(size)})")
+        check_memory(size * memory, f"{path} ({gigabytes(size)})", remedy)
         if size == 0:  # an empty file, or one of the system's, such as those in /proc, whose size is not known
             return read_pipe(file, str(path), most=most, memory=memory, check=check)
         try:

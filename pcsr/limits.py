@@ -58,22 +58,20 @@ def free_memory() -> int | None:
     return max(0, min(found)) if found else None
 
 
-def check_memory(needed: int | float, name: str) -> None:
+def check_memory(needed: int | float, name: str, remedy: str = "split it, or use a machine with more memory") -> None:
     """Check that an input fits into the free memory.
 
     Args:
         needed: approximate number of bytes that reading the input takes.
         name: name and size of the input for the error message: "big.ply (7 GB)".
+        remedy: what to do otherwise.
 
     Raises:
         UserError: less memory is free.
     """
     free = free_memory() if needed > UNCHECKED_SIZE else None
     if free is not None and needed > free:
-        raise UserError(
-            f"{name} needs about {gigabytes(needed)} of memory, and {gigabytes(free)} are free: "
-            f"split it, or use a machine with more memory"
-        )
+        raise UserError(f"{name} needs about {gigabytes(needed)} of memory, and {gigabytes(free)} are free: {remedy}")
 
 
 def check_inflated(packed: int, inflated: int) -> None:

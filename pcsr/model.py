@@ -22,6 +22,7 @@ from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
+from pcsr.upsample.denoised_cloud import denoise_cloud
 from pcsr.upsample.dense import densify
 from pcsr.weights import DEFAULT
 from pcsr.weights.find import find
@@ -75,6 +76,7 @@ class Model:
         keep: bool = True,
         fields: Sequence[str] = (),
         bad: Bad = "refuse",
+        denoise: bool | float = False,
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -94,9 +96,11 @@ class Model:
             bad: treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far
                 outliers. "refuse" raises an error, "drop" removes them and copies of duplicates, "keep" keeps them in
                 the output and makes the new points as if they were not there.
+            denoise: move the input points onto the surface before new ones are made: the standard deviation of the
+                noise in the unit of `points`, or True to estimate it. Without noise nothing moves. Touches stay.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
-            advance: called with the number of processed points and the number of all points.
+            advance: called with the number of points processed and the number of all, summed over the passes.
 
         Returns:
             A cloud of the same kind, in the same frame and unit. Colours, normals and other columns of the new points
@@ -104,7 +108,7 @@ class Model:
 
         Raises:
             UserError: points are too few, faulty or all equal, touches are far from the cloud, the number of output
-                points is out of range, or a field is unknown or has no place in a cloud of this kind.
+                points or the noise is out of range, or a field is unknown or has no place in a cloud of this kind.
 
         Warns:
             PcsrWarning: points were dropped or not used, or touched points lie where the cloud has no points.
@@ -121,14 +125,17 @@ class Model:
         _check_fields(fields, points if screened is None else screened.cloud)
         given = convert(points if screened is None else screened.cloud)
         screened = screen(given.cloud, bad) if screened is None else screened
+        if denoise is not False:
+            with worker_pool(jobs, scheduler) as workers:
+                screened, _ = denoise_cloud(screened, denoise, pool=workers)
         cloud = screened.points
         unused = len(screened.used) - len(cloud) if keep else 0
-        wanted = _count(len(cloud), unused, rate, count)
+        wanted = output_count(len(cloud), unused, rate, count)
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
-        touched = _touched(touches, cloud, power)
+        touched = touched_points(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
-            source = self._candidates(alone=workers.executor is None)
+            source = candidates(self, alone=workers.executor is None)
             new = densify(
                 cloud,
                 wanted,
@@ -140,17 +147,7 @@ class Model:
                 advance=advance,
             )
         dense = screened.cloud.with_new(scaled(new, power), keep=keep, used=screened.used)
-        return given.restore(dense.with_source(_sources(new, touched)) if "source" in fields else dense)
-
-    def _candidates(self, *, alone: bool) -> Candidates:
-        if self.network is None or self.recipe is None:
-            return Midpoints()
-        source = Networked.of(self.network, self.recipe)
-        if alone:
-            return source
-        if self.path is None:
-            raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
-        return Stored(self.path.resolve(), self.plugins, source.size, source.rate, source.any_rate)
+        return given.restore(dense.with_source(sources(new, touched)) if "source" in fields else dense)
 
 
 def load(
@@ -191,16 +188,41 @@ def load(
     return Model(name, network, recipe, card, path, files)
 
 
-def _check_fields(fields: Sequence[str], points: Any) -> None:
+def candidates(model: Model, *, alone: bool) -> Candidates:
+    """Return the source of a model's candidates, for this process `alone` or for worker processes.
+
+    Raises:
+        UserError: the model is in memory alone, and `alone` is not set.
+    """
+    if model.network is None or model.recipe is None:
+        return Midpoints()
+    source = Networked.of(model.network, model.recipe)
+    if alone:
+        return source
+    if model.path is None:
+        raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
+    return Stored(model.path.resolve(), model.plugins, source.size, source.rate, source.any_rate)
+
+
+def check_fields(fields: Sequence[str]) -> None:
+    """Check the names of further columns of the result.
+
+    Raises:
+        UserError: a field is unknown.
+    """
     for name in fields:
         if name not in FIELDS:
             raise UserError(f"field {name!r} is unknown: fields are {', '.join(FIELDS)}")
+
+
+def _check_fields(fields: Sequence[str], points: Any) -> None:
+    check_fields(fields)
     if fields and not isinstance(points, Cloud):
         kind = type(points).__name__
         raise UserError(f"field '{fields[0]}' is a column, which a {kind} cannot hold: give a pcsr.clouds.cloud.Cloud")
 
 
-def _sources(new: Float[np.ndarray, "new 3"], touched: list[Float[np.ndarray, "_ 3"]]) -> Int[np.ndarray, " new"]:
+def sources(new: Float[np.ndarray, "new 3"], touched: list[Float[np.ndarray, "_ 3"]]) -> Int[np.ndarray, " new"]:
     """Return which new points are touched points: `densify` adds those of unseen regions unchanged."""
     if not touched:
         return np.full(len(new), MADE)
@@ -208,7 +230,7 @@ def _sources(new: Float[np.ndarray, "new 3"], touched: list[Float[np.ndarray, "_
     return np.where(distance == 0, TOUCHED, MADE)
 
 
-def _count(n: int, unused: int, rate: float | int | None, count: int | None) -> int:
+def output_count(n: int, unused: int, rate: float | int | None, count: int | None) -> int:
     """Return the number of output points besides the unused input points, which are part of `count` alone."""
     if rate is not None and count is not None:
         raise UserError(f"rate {rate:g} and count {count} exclude each other: give one of them (--rate, --points)")
@@ -231,7 +253,7 @@ def _count(n: int, unused: int, rate: float | int | None, count: int | None) -> 
     return round(rate * n)
 
 
-def _touched(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
+def touched_points(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
     """Return the points of each touch in the frame of the cloud, which was divided by 2^power."""
     if isinstance(touches, str | Path):
         from pcsr.recorded import read  # here, since its layouts are slow to import

@@ -204,3 +204,19 @@ def test_a_model_is_loaded_without_what_few_need():
     script = f"import sys, pcsr; pcsr.load(); print([name for name in {unneeded} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("level", [True, 0.2])
+def test_given_points_are_denoised_before_new_ones_are_made(level):
+    rng = np.random.default_rng(0)
+    cloud = np.column_stack([rng.uniform(0, 20, (400, 2)), 0.2 * rng.normal(size=400)])
+    plain, moved = (load("midpoint").upsample(cloud, rate=2, denoise=one) for one in (False, level))
+    np.testing.assert_array_equal(plain[:400], cloud)
+    assert moved.shape == plain.shape
+    assert moved[:400, 2].std() < 0.5 * cloud[:, 2].std()
+    assert moved[400:, 2].std() < 0.8 * plain[400:, 2].std()
+
+
+def test_noise_larger_than_the_cloud_is_refused():
+    with pytest.raises(UserError, match="--denoise 100: the cloud is only"):
+        load("midpoint").upsample(np.random.default_rng(0).normal(size=(40, 3)), denoise=100)

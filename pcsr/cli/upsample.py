@@ -1,32 +1,29 @@
 """`pcsr upsample`: the command that upsamples a cloud in a file or pipe."""
 
-import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from pcsr.cli import streams
+from pcsr.cli.denoising import DENOISE, DenoisingCommand, denoised
 from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
-from pcsr.errors import PcsrWarning, UserError
+from pcsr.cli.streaming import PIPE, is_streamed, stages
+from pcsr.cli.upsample_options import default_jobs, load_model, read_touches
+from pcsr.cli.warnings_shown import yellow_warnings, yellow_warnings_at_once
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from pcsr.clouds.faults import Bad
 
-PIPE = Path("-")
 
-
-@click.command()
+@click.command(cls=DenoisingCommand)
 @click.argument("cloud", type=FILE, metavar="IN")
 @click.option("-o", "--out", type=FILE, required=True, metavar="OUT", help="File of the dense cloud; - for a pipe.")
 @click.option("--rate", type=float, default=None, help="Output points per input point, 1.1 to 64.  [default: 4]")
 @click.option(
     "--points", "count", type=click.IntRange(1), default=None, help="Number of output points, instead of a rate."
 )
+@DENOISE
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
 @click.option(
@@ -70,12 +67,19 @@ PIPE = Path("-")
     metavar="FILE",
     help="Load parts that the weights need from this Python file. May be repeated.",
 )
+@click.option(
+    "--stream/--no-stream",
+    default=None,
+    help="Go through the cloud in parts, from disk to disk, whatever its size; or hold it in memory.  "
+    "[default: in parts above 2,000,000 points, if IN and OUT are PLY, NPY, LAS or LAZ]",
+)
 @click.option("--quiet", is_flag=True, help="Print errors only.")
 def upsample(
     cloud: Path,
     out: Path,
     rate: float | None,
     count: int | None,
+    denoise: bool | float | None,
     touch: Path | None,
     model: str | None,
     mesh: Path | None,
@@ -88,13 +92,14 @@ def upsample(
     jobs: int | None,
     scheduler: str | None,
     plugins: tuple[Path, ...],
+    stream: bool | None,
     quiet: bool,
 ) -> None:
     """Make a cloud dense and write it.
 
-    Frame and unit stay. The input points are kept. New points get colours and other columns from their neighbours.
-    The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57, STL, GLB and OFF can be read too,
-    and KITTI, nuScenes and COLMAP by --format.
+    Frame and unit stay. The input points are kept, where they are unless --denoise is given. New points get colours and
+    other columns from their neighbours. The suffix sets the format: PLY, PCD, XYZ, CSV, NPY, NPZ, LAS, LAZ or OBJ; E57,
+    STL, GLB and OFF can be read too, and KITTI, nuScenes and COLMAP by --format.
     """
     import time
 
@@ -116,10 +121,43 @@ def upsample(
     kind = kind if kind in CLOUD_WRITERS else ".ply"
     target = out if out != PIPE else Path(f"pipe{kind}")
     writable(target)  # before the work, not after it
+
+    def report(given: int, written: int, model_name: str, used: int, recorded: int) -> None:
+        touched = f" and {used} of {recorded} touches" if used else ""
+        seconds = time.perf_counter() - start
+        console.print(
+            f"{given} points{touched} to {written} by {model_name} in {seconds:.1f} s: {out}",
+            markup=False,
+            soft_wrap=True,
+        )
+
+    if is_streamed(cloud, chosen, out, stream, mesh=mesh, columns=columns, denoise=denoise is not None):
+        from pcsr.streaming import upsample_file
+
+        touches, recorded = read_touches(touch)
+        with yellow_warnings_at_once(console), progress_bars(console, hidden=quiet) as progress:
+            loaded = load_model(model, plugins, device)
+            streamed = upsample_file(
+                loaded,
+                cloud,
+                out,
+                touches,
+                rate,
+                count=count,
+                keep=not replace,
+                fields=fields,
+                bad=bad,
+                suffix=chosen,
+                jobs=jobs or default_jobs(None, device),
+                scheduler=scheduler,
+                advance=stages(progress),
+            )
+        report(streamed.given, streamed.written, loaded.name, len(touches), recorded)
+        return
     if out == PIPE:
         streams.open_output()
     name = "the cloud from the pipe" if cloud == PIPE else str(cloud)
-    with _yellow_warnings(console):
+    with yellow_warnings(console):
         read = (
             read_cloud_pipe(streams.open_input(), chosen or ".ply", name, bad="keep", columns=columns)
             if cloud == PIPE
@@ -127,24 +165,12 @@ def upsample(
         )
         given = screen(read, bad, name)
     writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
-    touches, recorded = [], 0
-    if touch is not None:
-        from pcsr.recorded import read as read_touches
-
-        recording = read_touches(touch)
-        touches, recorded = recording.touches, len(recording.touches) + len(recording.skipped)
-        for name, reason in recording.skipped.items():  # also with --quiet
-            click.echo(f"touch {name} is skipped: {reason}", err=True)
-    from pcsr.model import load  # imports torch, so mistakes in files are reported first
-
-    with _yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
-        device_name = _device(device)
-        try:
-            loaded = load(model, plugins=plugins, device=device_name)
-        except UserError as error:
-            from pcsr.validation_messages import shown
-
-            raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
+    touches, recorded = read_touches(touch)
+    if denoise is not None:
+        jobs_then = jobs or default_jobs(len(given.points), device)
+        given = denoised(given, denoise, jobs=jobs_then, scheduler=scheduler, console=console, quiet=quiet)
+    with yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
+        loaded = load_model(model, plugins, device)
         task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
@@ -153,7 +179,7 @@ def upsample(
             count=count,
             keep=not replace,
             fields=fields,
-            jobs=jobs or _jobs(len(given.points), device),
+            jobs=jobs or default_jobs(len(given.points), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),
         )
@@ -165,51 +191,4 @@ def upsample(
     if mesh is not None:
         dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
-    seconds = time.perf_counter() - start
-    touched = f" and {len(touches)} of {recorded} touches" if touches else ""
-    console.print(
-        f"{len(given.cloud)} points{touched} to {written} by {loaded.name} in {seconds:.1f} s: {out}",
-        markup=False,
-        soft_wrap=True,
-    )
-
-
-@contextmanager
-def _yellow_warnings(console: "Console") -> Iterator[None]:
-    """Print pcsr's warnings as yellow lines after the block, and before an error that ends it."""
-    import warnings
-
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always", PcsrWarning)
-        try:
-            yield
-        finally:
-            for one in warned:
-                if issubclass(one.category, PcsrWarning):
-                    console.print(str(one.message), style="yellow", markup=False, soft_wrap=True)
-
-
-def _device(name: str) -> str:
-    import torch
-
-    found = torch.cuda.device_count() if torch.cuda.is_available() else 0
-    if name == "auto":
-        return "cuda" if found else "cpu"
-    if name != "cpu" and not re.fullmatch(r"cuda(:\d{1,3})?", name):
-        from pcsr.validation_messages import shown
-
-        raise UserError(f"--device {shown(name)}: pcsr computes on auto, cpu, cuda, or cuda:1 for the second device")
-    if name != "cpu" and not found:
-        raise UserError(f"--device {name}: torch finds no CUDA device here; use cpu, or install torch for CUDA")
-    if name != "cpu" and int(name.partition(":")[2] or 0) >= found:
-        raise UserError(f"--device {name}: the last of the CUDA devices here is cuda:{found - 1}")
-    return name
-
-
-def _jobs(count: int, device: str) -> int:
-    """Return the default number of processes: all cores for large clouds on the CPU, otherwise 1."""
-    import os
-
-    from pcsr.workers import MOST_JOBS
-
-    return min(os.cpu_count() or 1, MOST_JOBS) if count > 20_000 and device in ("auto", "cpu") else 1
+    report(len(given.cloud), written, loaded.name, len(touches), recorded)

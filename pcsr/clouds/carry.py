@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from pcsr.clouds.averages import mean, mean_direction, weighted_neighbours
-from pcsr.clouds.column_kinds import column_kinds
+from pcsr.clouds.column_kinds import ColumnKinds, column_kinds
 from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
 
@@ -20,6 +20,7 @@ def carry(
     old_points: Float[np.ndarray, "n 3"],
     new_points: Float[np.ndarray, "m 3"],
     k: int = 3,
+    kinds: ColumnKinds | None = None,
 ) -> dict[str, np.ndarray]:
     """Interpolate the columns of a cloud at new points. Names, order and types of the columns are kept.
 
@@ -38,6 +39,7 @@ def carry(
         old_points: points of the columns.
         new_points: points at which to interpolate, in the frame and unit of the old ones.
         k: number of old points in a mean; all of them if there are fewer.
+        kinds: how each column is carried, where `columns` is part of a larger cloud; by default `column_kinds`.
 
     Raises:
         UserError: there are no old points, a point is not finite, a column has another length, or `k` is below 1.
@@ -61,7 +63,7 @@ def carry(
     carried = {name: np.zeros((len(new_points), *column.shape[1:]), column.dtype) for name, column in columns.items()}
     if not columns:
         return carried
-    kinds = column_kinds(columns)
+    kinds = kinds or column_kinds(columns)
     power = exponent([old_points, new_points])
     tree = KDTree(scaled(np.asarray(old_points, np.float64), -power))
     for start in range(0, len(new_points), CHUNK):

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from pcsr.clouds.carry import carry
+from pcsr.clouds.column_kinds import ColumnKinds
 from pcsr.clouds.columns import normal_groups, unused
 from pcsr.errors import UserError
 
@@ -67,7 +68,12 @@ class Cloud:
         return unit
 
     def with_new(
-        self, points: Float64[np.ndarray, "new 3"], *, keep: bool = True, used: Bool[np.ndarray, " n"] | None = None
+        self,
+        points: Float64[np.ndarray, "new 3"],
+        *,
+        keep: bool = True,
+        used: Bool[np.ndarray, " n"] | None = None,
+        kinds: ColumnKinds | None = None,
     ) -> "Cloud":
         """Return a cloud with new points, whose columns are interpolated from the old points.
 
@@ -75,6 +81,7 @@ class Cloud:
             points: new points.
             keep: put the old points before the new ones; otherwise they are dropped.
             used: which old points columns are interpolated from; all by default.
+            kinds: how each column is interpolated; by default as `column_kinds` finds.
         """
         if self.is_single:
             with np.errstate(over="ignore", under="ignore"):
@@ -82,7 +89,7 @@ class Cloud:
             # Single precision, as in the file, unless a text file declares doubles as single.
             points = single if np.allclose(single, points, rtol=1e-6, atol=1e-30) else points
         old = self if used is None or used.all() else self.chosen(used)
-        columns = carry(old.columns, old.points, points)
+        columns = carry(old.columns, old.points, points, kinds=kinds)
         if keep:
             points = np.concatenate([self.points, points])
             columns = {name: np.concatenate([self.columns[name], column]) for name, column in columns.items()}

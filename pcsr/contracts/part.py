@@ -21,6 +21,9 @@ class Trait(StrEnum):
     """Permuting the touches does not change the output."""
     ANY_RATE = "any-rate"
     """One instance serves every rate, not only the rate that it was built for."""
+    LOCAL = "local"
+    """The result at a point depends on the points around it alone, and in the unit of their spacing. A network of local
+    parts computes the same on a patch of any size, and `pcsr upsample` gives it larger patches than in training."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,9 @@ from torch import Tensor
 
 from pcsr.geometry.frames import principal_axes
 
+AROUND = 2
+"""The margin of a patch is chosen among so many times as many points around its core as the patch has."""
+
 
 @dataclass(frozen=True)
 class Patch:
@@ -25,21 +28,29 @@ class Patch:
     """Number of rows of the core."""
 
 
-def patches(points: Float[np.ndarray, "n 3"], size: int, core: int) -> Iterator[Patch]:
+def patches(
+    points: Float[np.ndarray, "n 3"], size: int, core: int, within: Int[np.ndarray, " m"] | None = None
+) -> Iterator[Patch]:
     """Divide a cloud into patches of `size` points, or one patch if there are no more points.
 
     Args:
         points: finite points, in any frame.
         size: number of points of a patch.
         core: largest number of points in a core.
+        within: rows that the cores consist of; all by default. Margins consist of any points.
     """
+    rows = np.arange(len(points)) if within is None else within
     if len(points) <= size:
-        yield Patch(np.arange(len(points)), len(points))
+        margin = np.delete(np.arange(len(points)), rows)
+        yield Patch(np.concatenate([rows, margin]), len(rows))
         return
     tree = cKDTree(points)
-    for cell in cells(points, core):
-        nearest = tree.query(points[cell].mean(0), k=size)[1]
-        margin = nearest[~np.isin(nearest, cell)][: size - len(cell)]
+    for chosen in cells(points[rows], core):
+        cell = rows[chosen]
+        around = tree.query(points[cell].mean(0), k=min(AROUND * size, len(points)))[1]
+        around = around[~np.isin(around, cell)]
+        distance = cKDTree(points[cell]).query(points[around])[0]
+        margin = around[np.lexsort((np.arange(len(around)), distance))[: size - len(cell)]]
         yield Patch(np.concatenate([cell, margin]), len(cell))
 
 

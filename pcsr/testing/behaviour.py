@@ -18,6 +18,8 @@ ODD = 101
 """A number of points that is no power of two. Touches may join a cloud, so that parts must accept any number."""
 CLOSE = 1e-6
 """Largest relative difference of two results that are due to rounding in double precision."""
+FAR = 100.0
+"""Distance of a cloud that a local part must not notice, in radii of the cloud."""
 RATES = (2, 3, 5, 16)
 """Rates at which an upsampler with the trait `ANY_RATE` is run."""
 
@@ -176,10 +178,26 @@ def _any_rate(subject: Subject, module: Any) -> tuple[bool, str]:
     return True, ""
 
 
+def _local(subject: Subject, module: Any) -> tuple[bool, str]:
+    tensors = given(module, subject.widths)
+    half = {name: t / 2 if name == "points" else t for name, t in tensors.items()}
+    beside = {name: torch.cat([t, t + FAR if name == "points" else t.flip(1)], dim=1) for name, t in half.items()}
+    output, both = (call(module, subject.widths.rate, each) for each in (tensors, beside))
+    if is_set(module):
+        near = [row[row.norm(dim=1) < FAR / 2] for row in both]
+        if any(len(row) != output.shape[1] for row in near):
+            return False, f"beside another cloud it makes {len(near[0])} points instead of {output.shape[1]}"
+        gap = apart_as_sets(torch.stack(near), output / 2)
+    else:
+        gap = apart(both[:, :POINTS], output)
+    return gap <= CLOSE, f"at half of the size and beside a cloud far away the result is {gap:.2g} off"
+
+
 TRIALS: dict[Trait, Callable[[Subject, Any], tuple[bool, str]]] = {
     Trait.PERMUTATION_EQUIVARIANT: _point_order,
     Trait.TOUCH_PERMUTATION_INVARIANT: _touch_order,
     Trait.ANY_RATE: _any_rate,
+    Trait.LOCAL: _local,
 }
 
 

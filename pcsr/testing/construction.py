@@ -139,10 +139,10 @@ def _names(traits: Any) -> str:
 
 
 TRAITS: dict[str, frozenset[Trait]] = {
-    "encoder": frozenset({Trait.PERMUTATION_EQUIVARIANT}),
+    "encoder": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL}),
     "fusion": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT}),
-    "backbone": frozenset({Trait.PERMUTATION_EQUIVARIANT}),
-    "upsampler": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE}),
+    "backbone": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL}),
+    "upsampler": frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE, Trait.LOCAL}),
     "objective": frozenset(),
     "touch": frozenset(),
     "shapes": frozenset(),

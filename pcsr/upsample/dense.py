@@ -5,10 +5,9 @@ import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.errors import PcsrWarning, UserError
@@ -17,32 +16,19 @@ from pcsr.geometry.patches import patches
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
+from pcsr.upsample.passes import Pass, passes, weights
 from pcsr.upsample.patch import Task, fill
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import WorkerPool
 
 FEWEST = 16
 """Smallest number of points of a cloud."""
-GROWTH = 4.0
-"""Largest growth of the cloud in one pass, if the source generates any number of candidates."""
-RATE, LAST_RATE = 4, 8
-"""Candidates for each point then: few, which lie well, before the last pass; many to choose from in the last."""
+MARGIN = 13.5
+"""Number of points of a patch's margin, in square roots of that of its core: three to four rows around it."""
 GAP = 2.0
 """A touched point closer to the cloud than `GAP` local spacings lies in a gap of the cloud, and needs no warning."""
 ALONE = WorkerPool(None, 1)
 """The pool of this process alone."""
-
-
-@dataclass(frozen=True)
-class Pass:
-    """One pass over a cloud."""
-
-    new: int
-    """Number of new points."""
-    fixed: int
-    """Number of points, at the beginning of the cloud, that are fixed. The others are candidates."""
-    rate: int
-    """Candidates for each point."""
 
 
 @threads(1)
@@ -54,6 +40,7 @@ def densify(
     touches: Sequence[CloudArray] = (),
     normals: Float[np.ndarray, "n 3"] | None = None,
     keep: bool = True,
+    core: int | None = None,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Float[np.ndarray, "new 3"]:
@@ -64,7 +51,8 @@ def densify(
 
     In a pass, patches are processed independently. Among the candidates near its core, each patch chooses those that
     fill the gaps best. A core gets new points in proportion to its own number of points, so that relative densities are
-    preserved.
+    preserved; from the second pass on, also in proportion to its area (`passes.weights`).
+
     Touched points in regions without cloud points are subsampled to the cloud's density and added to the cloud.
 
     Args:
@@ -75,8 +63,12 @@ def densify(
         normals: unit normals of the points, of either sign; 0 where there is none. Candidates off the tangent
             planes of all points around them are left out, so that none lie between the two sheets of a thin plate.
         keep: whether the old points are part of the result.
+        core: number of points, at the beginning of `points`, that get new points. The others are their neighbourhood,
+            and are not counted in `count`. Touched points in regions without cloud points are then not added: the
+            caller must have put them into the cloud.
         pool: processes that work on the patches.
-        advance: called after each patch with the number of points processed and the number of all points.
+        advance: called after each patch with the number of points processed in this pass and those before, and their
+            number in all passes.
 
     Returns:
         The new points. Touched points in regions without cloud points come first; the order of the others follows the
@@ -89,40 +81,49 @@ def densify(
         PcsrWarning: there are touched points in regions without cloud points.
     """
     cloud = np.asarray(points, np.float64)
-    n = len(cloud)
-    if n < FEWEST:
-        raise UserError(f"the cloud has {n} points: at least {FEWEST} are needed")
+    if len(cloud) < FEWEST:
+        raise UserError(f"the cloud has {len(cloud)} points: at least {FEWEST} are needed")
     check_cloud(cloud, extent=True)
+    n = len(cloud) if core is None else core
     new = count - n if keep else count
     if new < 0:
         raise UserError(
             f"{count} points are fewer than the {n} of the cloud: ask for more, or don't keep the old ones (--replace)"
         )
     parts: list[CloudArray] = []
-    touched = unseen(cloud, touches)
+    touched = unseen(cloud, touches) if core is None else np.zeros((0, 3))
     if len(touched):
         _warn_of_unseen(cloud, touched, new)
         parts = [touched[:new]]
         cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
     if normals is None:
-        normals = np.zeros((n, 3))
-    one_pass = functools.partial(_one_pass, source=source, touches=touches, pool=pool, advance=advance)
-    start, growth = n, (n + new if keep else new) / n
-    count = _passes(growth, source, keep)
-    for number in range(1, count):
-        step = round(start * growth ** (number / count)) - n
-        rate = RATE if source.any_rate else source.rate
-        added = one_pass(cloud, normals, Pass(step, n, rate))
-        cloud, n = np.concatenate([cloud, added]), n + step
-    rate = LAST_RATE if source.any_rate else source.rate
-    parts.append(one_pass(cloud, normals, Pass(new, start if keep else 0, rate)))
+        normals = np.zeros((len(cloud), 3))
+    start, plans = len(cloud), passes(n, new, source, keep)
+    own, margin = np.arange(n), np.arange(n, start)
+    total = sum(plan.points for plan in plans) + sum(plan.of_margin(start - n).points for plan in plans[:-1])
+    one_pass = functools.partial(
+        _one_pass, normals=normals, source=source, touches=touches, pool=pool, advance=_counted(advance, total)
+    )
+    for plan in plans[:-1]:
+        added = one_pass(cloud, own, plan, fixed=len(cloud))
+        beside = one_pass(cloud, margin, plan.of_margin(len(margin)), fixed=len(cloud))
+        own = np.r_[own, len(cloud) + np.arange(len(added))]
+        margin = np.r_[margin, len(cloud) + len(added) + np.arange(len(beside))]
+        cloud = np.concatenate([cloud, added, beside])
+    parts.append(one_pass(cloud, own, plans[-1], fixed=start if keep else 0))
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
-def _passes(growth: float, source: Candidates, keep: bool) -> int:
-    """Return the number of passes: the fewest with which none exceeds the growth that suits the source."""
-    most = GROWTH if source.any_rate else source.rate + keep
-    return max(1, math.ceil(math.log(growth) / math.log(most) - 1e-9))
+def _counted(advance: Callable[[int, int], None], total: int) -> Callable[[int], None]:
+    """Return a function that adds a number of points to those processed, and calls `advance` with their sum."""
+    done = 0
+
+    def add(points: int) -> None:
+        nonlocal done
+        done += points
+        advance(done, total)
+
+    return add
 
 
 def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
@@ -143,44 +144,58 @@ def _warn_of_unseen(cloud: CloudArray, touched: CloudArray, new: int) -> None:
 
 def _one_pass(
     cloud: CloudArray,
-    normals: CloudArray,
+    rows: Int[np.ndarray, " m"],
     plan: Pass,
+    *,
+    fixed: int,
+    normals: CloudArray,
     source: Candidates,
     touches: Sequence[CloudArray],
     pool: WorkerPool,
-    advance: Callable[[int, int], None],
+    advance: Callable[[int], None],
 ) -> CloudArray:
-    done = at = 0
-    added = np.zeros((plan.new, 3))
+    """Return the new points of the rows of a cloud. The first `fixed` points of the cloud are fixed."""
+    added, at = np.zeros((plan.new, 3)), 0
+    if len(rows) == 0:
+        return added
     cores: deque[int] = deque()
-    for filled in pool.map(functools.partial(fill, source), _tasks(cloud, normals, plan, source, touches, cores)):
+    tasks = _tasks(cloud, rows, plan, fixed, normals, source, touches, cores)
+    for filled in pool.map(functools.partial(fill, source), tasks):
         added[at : at + len(filled)] = filled
         at += len(filled)
-        done += cores.popleft()
-        advance(done, len(cloud))
+        advance(cores.popleft())
     return added
 
 
 def _tasks(
     cloud: CloudArray,
-    normals: CloudArray,
+    rows: Int[np.ndarray, " m"],
     plan: Pass,
+    fixed: int,
+    normals: CloudArray,
     source: Candidates,
     touches: Sequence[CloudArray],
     cores: deque[int],
 ) -> Iterator[Task]:
-    before = 0
-    for patch in patches(cloud, source.size, source.size // 2):
+    weight = weights(cloud, plan)
+    total, before = weight[rows].sum(), 0.0
+    for patch in patches(cloud, source.size, core_size(source.size), rows):
         points = cloud[patch.rows]
-        share = (before + patch.core) * plan.new // len(cloud) - before * plan.new // len(cloud)
-        before += patch.core
+        after = before + weight[patch.rows[: patch.core]].sum()
+        share = round(after / total * plan.new) - round(before / total * plan.new)
+        before = after
         cores.append(patch.core)
         nearby = list(touches) if patch.core == len(cloud) else _touches_within(points, touches)
         around = np.zeros((len(points), 3))
         known = patch.rows < len(normals)
         around[known] = normals[patch.rows[known]]
-        fixed = patch.rows < plan.fixed
-        yield Task(points, patch.core, fixed, around, nearby, share, plan.rate)
+        yield Task(points, patch.core, patch.rows < fixed, around, nearby, share, plan.rate)
+
+
+def core_size(size: int) -> int:
+    """Return the largest number of points in the core of a patch of `size` points."""
+    root = (math.sqrt(MARGIN**2 + 4 * size) - MARGIN) / 2
+    return max(size // 2, round(root**2))
 
 
 def _touches_within(points: CloudArray, touches: Sequence[CloudArray]) -> list[CloudArray]:

@@ -1,11 +1,14 @@
 """Spacing of clouds, and points for their gaps: candidates near a cloud, and interpolated points where they run out."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-NEIGHBOURS = 6
-"""Number of neighbours whose mean distance is the spacing at a point."""
+from pcsr.tensors import CloudArray
+from pcsr.upsample.neighbours import SPACED, Cloud, Neighbours
+
 MAX_RATIO = 2.0
 """Upper limit of a point's spacing, as a multiple of the median of its neighbours'."""
 AROUND = 32
@@ -21,58 +24,67 @@ DUPLICATE = 1e-6
 """Candidates closer than this to a point of the cloud, in radii of the patch, are duplicates."""
 
 
-def spacing(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+def spacing(cloud: Cloud) -> Float[np.ndarray, " n"]:
     """Compute the local spacing at each point: the mean distance to its neighbours, limited for stray points."""
-    own, around = _spacings(points, NEIGHBOURS + 1)
-    limited: Float[np.ndarray, " n"] = np.minimum(own, MAX_RATIO * around)
+    neighbours = Neighbours.of(cloud, SPACED + 1)
+    limited: Float[np.ndarray, " n"] = np.minimum(
+        neighbours.mean_distance, MAX_RATIO * neighbours.median_around(SPACED + 1)
+    )
     return limited
 
 
-def strays(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+def strays(cloud: Cloud) -> Bool[np.ndarray, " n"]:
     """Find the points that are far from their neighbours, compared with the distances among those around."""
-    own, around = _spacings(points, AROUND)
-    ratio = np.divide(own, around, out=np.ones(len(points)), where=around > 0)
+    neighbours = Neighbours.of(cloud, AROUND)
+    own, around = neighbours.mean_distance, neighbours.median_around(AROUND)
+    ratio = np.divide(own, around, out=np.ones(len(own)), where=around > 0)
     deviation = float(np.median(np.abs(ratio - np.median(ratio))))
     far: Bool[np.ndarray, " n"] = ratio > np.clip(1 + DEVIATIONS * deviation, LEAST_RATIO, MOST_RATIO)
     return far
 
 
-def _spacings(points: Float[np.ndarray, "n 3"], count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the spacing of each point, and the median of those of its nearest points."""
-    k = min(max(NEIGHBOURS + 1, count), len(points))
-    distances, nearest = cKDTree(points).query(points, k=k)
-    own = distances[:, 1 : NEIGHBOURS + 1].mean(1)
-    return own, np.median(own[nearest[:, :count]], axis=1)
-
-
 def within_reach(
-    candidates: Float[np.ndarray, "c 3"], points: Float[np.ndarray, "n 3"], unit: Float[np.ndarray, " n"]
+    candidates: Float[np.ndarray, "c 3"], cloud: Cloud, unit: Float[np.ndarray, " n"]
 ) -> tuple[Bool[np.ndarray, " c"], Float[np.ndarray, " c"], Int[np.ndarray, " c"]]:
     """Find the candidates that lie within the cloud's spacing of a point and duplicate none.
 
     Args:
         candidates: (c 3), in the frame in which the points fill the unit sphere.
-        points: the cloud, (n 3).
+        cloud: the points, (n 3).
         unit: the local spacing at each point, (n).
 
     Returns:
         Whether a candidate is one of those, its distance to the nearest point, and that point's index; (c) each.
     """
-    distance, nearest = cKDTree(points).query(candidates)
+    distance, nearest = Neighbours.of(cloud, 1).tree.query(candidates)
     close: Bool[np.ndarray, " c"] = (distance <= REACH * unit[nearest]) & (distance > DUPLICATE)
     return close, distance, nearest
 
 
-def between(points: Float[np.ndarray, "n 3"], core: int, count: int) -> Float[np.ndarray, "count 3"]:
+def touched_ones(candidates: Float[np.ndarray, "c 3"], touches: Sequence[CloudArray]) -> Bool[np.ndarray, " c"]:
+    """Return which candidates are touched points: measured ones, up to the single precision of networks.
+
+    Args:
+        candidates: (c 3), in the frame in which the points fill the unit sphere.
+        touches: touched points in the same frame, (m 3) for each touch.
+    """
+    if not touches or len(candidates) == 0:
+        return np.zeros(len(candidates), bool)
+    tree = cKDTree(np.concatenate(touches))
+    same: Bool[np.ndarray, " c"] = np.isfinite(tree.query(candidates, distance_upper_bound=DUPLICATE)[0])
+    return same
+
+
+def between(cloud: Cloud, core: int, count: int) -> Float[np.ndarray, "count 3"]:
     """Interpolate `count` points between the first `core` points and their neighbours, where candidates run out.
 
     They lie within the local spacing of their point, and closer to it than to its neighbour.
     """
     if count == 0:
         return np.zeros((0, 3))
-    k = min(NEIGHBOURS + 1, len(points))
-    nearest = cKDTree(points).query(points[:core], k=k)[1][:, 1:]
-    limit = spacing(points)[:core]
+    neighbours = Neighbours.of(cloud, SPACED + 1)
+    points, nearest = neighbours.points, neighbours.index[:core, 1 : SPACED + 1]
+    limit = spacing(neighbours)[:core]
     new: list[Float[np.ndarray, "_ 3"]] = []
     for turn in range(-(-count // core)):
         fraction = _spread_fraction(turn // nearest.shape[1])

@@ -6,17 +6,19 @@ where the neighbourhood is flat; elsewhere they may be details that the cloud is
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+
+from pcsr.upsample.neighbours import Cloud, Neighbours
 
 AROUND = 16
 """Number of points that a quadric is fitted to."""
 TERMS = 6
 """Number of coefficients of a quadric."""
-NONE, ALL = (0.08, 1.8, 0.2), (0.16, 1.5, 0.1)
+CLEAN, NOISY = (0.08, 1.8, 0.2), (0.16, 1.5, 0.1)
 """Evidence of noise from which on new points begin to be displaced, and with which they are displaced wholly.
 
 It is the lower quartile of the residuals in spacings, the ratio of the upper to the lower quartile, and the median
@@ -31,43 +33,66 @@ RIDGE = 1e-6
 class Quadrics:
     """Quadric at each point of a cloud: a height over two tangents, in the unit of the local spacing."""
 
-    points: Float[np.ndarray, "n 3"]
+    neighbours: Neighbours
+    """The cloud."""
     unit: Float[np.ndarray, " n"]
+    """The local spacing at each point."""
     axes: Float[np.ndarray, "n 3 3"]
     """The normal and two tangents, as columns."""
-    coefficients: Float[np.ndarray, "n 6"]
-    residual: Float[np.ndarray, " n"]
-    """Standard deviation of the points around the quadric."""
-    flatness: Float[np.ndarray, " n"]
-    """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
+    variances: Float[np.ndarray, "n 3"]
+    """Sums of squares of the neighbourhood along the axes, around its mean; the smallest first."""
+    local: Float[np.ndarray, "n k 3"]
+    """Offsets to the neighbours along the axes."""
 
     @classmethod
-    def fit(cls, points: Float[np.ndarray, "n 3"], unit: Float[np.ndarray, " n"]) -> "Quadrics":
+    def fit(cls, cloud: Cloud, unit: Float[np.ndarray, " n"]) -> "Quadrics":
         """Fit a quadric to the nearest points of each point.
 
         Args:
-            points: the cloud, (n 3), in any frame; more than `TERMS`.
+            cloud: the points, (n 3), in any frame; more than `TERMS`.
             unit: the local spacing at each point, (n), positive.
         """
-        k = min(AROUND, len(points))
-        index = cKDTree(points).query(points, k=k)[1]
+        neighbours = Neighbours.of(cloud, AROUND)
+        points, index = neighbours.points, neighbours.index[:, :AROUND]
         offsets = (points[index] - points[:, None]) / unit[:, None, None]
         centred = offsets - offsets.mean(1, keepdims=True)
         variances, axes = np.linalg.eigh(centred.mT @ centred)
-        local = offsets @ axes
-        terms = _terms(local)
+        return cls(neighbours, unit, axes, variances, offsets @ axes)
+
+    @cached_property
+    def coefficients(self) -> Float[np.ndarray, "n 6"]:
+        """Coefficients of the terms 1, u, v, u², uv and v² of the tangential coordinates."""
+        terms = _terms(self.local)
         system = terms.mT @ terms + RIDGE * np.eye(TERMS)
-        coefficients = np.linalg.solve(system, terms.mT @ local[..., :1])
-        rest = local[..., :1] - terms @ coefficients
-        residual = np.sqrt(np.square(rest).sum((1, 2)) / (k - TERMS))
-        flatness = np.divide(variances[:, 0], variances[:, 1], out=np.ones(len(points)), where=variances[:, 1] > 0)
-        return cls(points, unit, axes, coefficients[..., 0], residual, flatness)
+        solution: Float[np.ndarray, "n 6"] = np.linalg.solve(system, terms.mT @ self.local[..., :1])[..., 0]
+        return solution
+
+    @cached_property
+    def residual(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of the points around the quadric."""
+        rest = self.local[..., 0] - (_terms(self.local) @ self.coefficients[..., None])[..., 0]
+        return self._deviation(np.square(rest).sum(1))
+
+    @cached_property
+    def flatness(self) -> Float[np.ndarray, " n"]:
+        """Ratio of the smallest variance of the neighbourhood to the second: large on wires and edges."""
+        least, second = self.variances[:, 0], self.variances[:, 1]
+        ratio: Float[np.ndarray, " n"] = np.divide(least, second, out=np.ones(len(least)), where=second > 0)
+        return ratio
 
     def noisy(self) -> float:
         """Return how certain it is that the residuals are noise: 0 for a cloud without noise, or too sparse to tell."""
+        around_planes = self._deviation(np.maximum(self.variances[:, 0], 0))  # no quadric leaves more
+        if np.quantile(around_planes, 0.25) <= CLEAN[0]:
+            return 0.0
         lower, upper = np.quantile(self.residual, [0.25, 0.75])
         evidence = lower, upper / lower if lower > 0 else np.inf, np.median(self.flatness)
-        return float(np.prod([_share(value, *bounds) for value, *bounds in zip(evidence, NONE, ALL, strict=True)]))
+        return float(np.prod([_share(value, *bounds) for value, *bounds in zip(evidence, CLEAN, NOISY, strict=True)]))
+
+    def _deviation(self, squares: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the standard deviation that belongs to each sum of squared residuals."""
+        deviation: Float[np.ndarray, " n"] = np.sqrt(squares / (self.local.shape[1] - TERMS))
+        return deviation
 
     def displaced(self, new: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """Return new points displaced towards the quadric of the nearest point, as far as there is noise.
@@ -77,10 +102,10 @@ class Quadrics:
         certain = self.noisy()
         if certain == 0 or len(new) == 0:
             return new
-        nearest = cKDTree(self.points).query(new)[1]
-        share = certain * _share(self.flatness[nearest], NONE[2], ALL[2])
+        nearest = self.neighbours.tree.query(new)[1]
+        share = certain * _share(self.flatness[nearest], CLEAN[2], NOISY[2])
         axes, unit = self.axes[nearest], self.unit[nearest, None]
-        local = ((new - self.points[nearest]) / unit)[:, None] @ axes
+        local = ((new - self.neighbours.points[nearest]) / unit)[:, None] @ axes
         height = (_terms(local)[:, 0] * self.coefficients[nearest]).sum(-1) - local[:, 0, 0]
         moved: Float[np.ndarray, "m 3"] = new + (share * height)[:, None] * unit * axes[..., 0]
         return moved

@@ -10,11 +10,15 @@ from pcsr.geometry.frames import OwnFrame
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
-from pcsr.upsample.gaps import between, spacing, strays, within_reach
+from pcsr.upsample.gaps import between, spacing, strays, touched_ones, within_reach
+from pcsr.upsample.neighbours import Neighbours
 from pcsr.upsample.noise import Quadrics
-from pcsr.upsample.rejection import few_each, loneliness, on_planes
+from pcsr.upsample.rejection import few_each, isolation, on_planes
 from pcsr.upsample.selection import pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
+
+BORDER = 1.5
+"""Candidates at points of the margin compete if these are no more than `BORDER` spacings from the core."""
 
 
 @dataclass(frozen=True)
@@ -46,48 +50,61 @@ def fill(source: Candidates, task: Task) -> CloudArray:
     points = frame.normalize(task.points)
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
     points, fixed, normals = points[order], task.fixed[order], task.normals[order] @ frame.axes
-    unit = spacing(points)
+    touches = [frame.normalize(touch) for touch in task.touches]
+    cloud = Neighbours.of(points)
+    unit = spacing(cloud)
 
-    candidates = source(points, [frame.normalize(touch) for touch in task.touches], task.rate)
-    wire = on_wires(points)
-    close, _, nearest = within_reach(candidates, points, unit)
-    close &= ~wire[nearest]
+    wire = on_wires(cloud)
     along = chords(points, wire)
-    also, _, of = within_reach(along, points, unit)
-    candidates = np.concatenate([along[also], candidates[close]])
-    nearest = np.concatenate([of[also], nearest[close]])
-    kept = _kept(candidates, nearest, points, unit, normals, task)
-    candidates = np.concatenate([points[~fixed], candidates[kept]])
-    nearest = np.concatenate([np.flatnonzero(~fixed), nearest[kept]])
+    candidates = np.concatenate([along, source(points, touches, task.rate)])
+    touched = touched_ones(candidates, touches)
+    kept, distance, nearest = within_reach(candidates, cloud, unit)
+    kept[len(along) :] &= (touched | ~wire[nearest])[len(along) :]
+    competing = _competing(points, task.core, unit)
+    kept &= competing[nearest]
+    candidates, touched, distance, nearest = candidates[kept], touched[kept], distance[kept], nearest[kept]
+    kept = touched | _kept(candidates, nearest, touched, cloud, unit, normals, task)
 
-    distance = cKDTree(points[fixed]).query(candidates)[0] if fixed.any() else None
-    chosen = candidates[
-        spread_out(candidates, distance, nearest < task.core, task.count, pattern(points, unit)[nearest])
-    ]
+    free = ~fixed & competing
+    candidates = np.concatenate([points[free], candidates[kept]])
+    touched = np.concatenate([touched_ones(points[free], touches), touched[kept]])
+    nearest = np.concatenate([np.flatnonzero(free), nearest[kept]])
+    away = distance[kept] if fixed.all() else cKDTree(points[fixed]).query(candidates)[0] if fixed.any() else None
+    chosen = spread_out(candidates, away, nearest < task.core, task.count, pattern(cloud, unit)[nearest])
+    new = candidates[chosen]
     if (unit > 0).all():
-        chosen = Quadrics.fit(points, unit).displaced(chosen)
-    missing = between(points, task.core, task.count - len(chosen))
-    return frame.denormalize(np.concatenate([chosen, missing]))
+        predicted = ~touched[chosen]
+        new[predicted] = Quadrics.fit(cloud, unit).displaced(new[predicted])
+    return frame.denormalize(np.concatenate([new, between(cloud, task.core, task.count - len(new))]))
+
+
+def _competing(points: CloudArray, core: int, unit: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return the points whose candidates compete: those of the core, and those next to it."""
+    competing = np.ones(len(points), bool)
+    if core < len(points):
+        competing[core:] = cKDTree(points[:core]).query(points[core:])[0] <= BORDER * unit[core:]
+    return competing
 
 
 def _kept(
     candidates: CloudArray,
     nearest: Int[np.ndarray, " c"],
-    points: CloudArray,
+    touched: Bool[np.ndarray, " c"],
+    cloud: Neighbours,
     unit: Float[np.ndarray, " n"],
     normals: Float[np.ndarray, "n 3"],
     task: Task,
 ) -> Bool[np.ndarray, " c"]:
-    """Return which candidates are not rejected."""
-    if len(candidates) == 0:
-        return np.zeros(0, bool)
+    """Return which predicted candidates are not rejected."""
     kept = np.ones(len(candidates), bool)
-    capped, known = strays(points), normals.any(1)
-    if capped.any():
-        lonely = loneliness(candidates, unit[nearest])
-        kept = few_each(nearest, capped, max(1, task.count // (2 * task.core)), lonely)
-    if known.sum() > 1:
-        kept &= on_planes(candidates, points[known], normals[known], spacing(points[known]))
+    capped = np.flatnonzero(strays(cloud)[nearest] & ~touched)
+    if len(capped):
+        isolated = isolation(candidates, capped, unit[nearest[capped]])
+        kept[capped] = few_each(nearest[capped], max(1, task.count // (2 * task.core)), isolated)
+    known = normals.any(1)
+    if len(candidates) and known.sum() > 1:
+        with_normals = cloud.points[known]
+        kept &= on_planes(candidates, with_normals, normals[known], spacing(with_normals))
     return kept
 
 

@@ -12,36 +12,38 @@ HEIGHT = 0.2
 """Largest distance of a candidate to the closest of these planes, in spacings."""
 
 
-def loneliness(candidates: Float[np.ndarray, "c 3"], unit: Float[np.ndarray, " c"]) -> Float[np.ndarray, " c"]:
-    """Compute the distance of each candidate to the one of rank `AGREEING`, in local spacings.
+def isolation(
+    candidates: Float[np.ndarray, "c 3"], some: Int[np.ndarray, " s"], unit: Float[np.ndarray, " s"]
+) -> Float[np.ndarray, " s"]:
+    """Compute the distance of some candidates to the one of rank `AGREEING`, in local spacings.
 
     Candidates that several points of the cloud generate at about the same place lie on the surface more likely.
 
     Args:
         candidates: (c 3), in any frame.
-        unit: the spacing of the cloud near each candidate, (c).
+        some: indices of the candidates that it is computed for, (s).
+        unit: the spacing of the cloud near each of them, (s).
     """
-    distance = cKDTree(candidates).query(candidates, k=[min(AGREEING + 1, len(candidates))])[0][:, 0]
-    lonely: Float[np.ndarray, " c"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
-    return lonely
+    distance = cKDTree(candidates, balanced_tree=False).query(candidates[some], k=[min(AGREEING + 1, len(candidates))])[
+        0
+    ][:, 0]
+    isolated: Float[np.ndarray, " s"] = np.divide(distance, unit, out=np.full(len(unit), np.inf), where=unit > 0)
+    return isolated
 
 
-def few_each(
-    nearest: Int[np.ndarray, " c"], capped: Bool[np.ndarray, " n"], most: int, lonely: Float[np.ndarray, " c"]
-) -> Bool[np.ndarray, " c"]:
-    """Return which candidates remain if some points may have no more than `most` each, the least lonely.
+def few_each(nearest: Int[np.ndarray, " c"], most: int, isolated: Float[np.ndarray, " c"]) -> Bool[np.ndarray, " c"]:
+    """Return which candidates remain if each point may have no more than `most`, the least isolated.
 
     Args:
         nearest: index of the point nearest to each candidate, (c).
-        capped: which points may have no more than `most`, (n).
-        most: largest number of candidates of such a point.
-        lonely: of each candidate, (c).
+        most: largest number of candidates of a point.
+        isolated: `isolation` of each candidate, (c).
     """
-    order = np.lexsort((lonely, nearest))
+    order = np.lexsort((isolated, nearest))
     first = np.searchsorted(nearest[order], nearest[order])
     rank = np.zeros(len(nearest), np.int64)
     rank[order] = np.arange(len(nearest)) - first
-    kept: Bool[np.ndarray, " c"] = ~capped[nearest] | (rank < most)
+    kept: Bool[np.ndarray, " c"] = rank < most
     return kept
 
 

@@ -5,7 +5,8 @@ from bisect import bisect_left, bisect_right
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+
+from pcsr.upsample.neighbours import Cloud, Neighbours
 
 SMOOTHED = 32
 """Number of points over which the spacing is averaged for the density pattern."""
@@ -17,17 +18,17 @@ SLACK = 1.0001
 """Factor on the width of the slab in which `spread_out` updates distances; it covers rounding errors."""
 
 
-def pattern(points: Float[np.ndarray, "n 3"], unit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def pattern(cloud: Cloud, unit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Compute the lengths in which new points near each point are to be equally far apart, up to a common factor.
 
     All are 1 if the spacing varies no more than that of random points. Otherwise they follow its average over the
     nearest points, so that dense regions stay denser by the same factor.
 
     Args:
-        points: the cloud, (n 3).
+        cloud: the points, (n 3).
         unit: the local spacing at each point, (n).
     """
-    nearest = cKDTree(points).query(points, k=min(SMOOTHED, len(points)))[1]
+    nearest = Neighbours.of(cloud, SMOOTHED).index[:, :SMOOTHED]
     logarithm = np.log(np.maximum(unit, np.finfo(float).tiny))[nearest].mean(1)
     share = np.clip((logarithm.std() - CHANCE) / (PATTERN - CHANCE), 0, 1)
     lengths: Float[np.ndarray, " n"] = np.exp(share * (logarithm - logarithm.mean()))

@@ -40,7 +40,17 @@ def unseen(points: Float[np.ndarray, "n 3"], touches: Sequence[CloudArray]) -> C
     touched = touched[distance > REACH * own[nearest]]
     if len(touched) == 0:
         return np.zeros((0, 3))
-    apart, count = EVEN * float(np.median(own)), FIRST  # the nearest points lie at a border, where the cloud is sparser
+    return evenly(touched, float(np.median(own)))  # the nearest points lie at a border, where the cloud is sparser
+
+
+def evenly(touched: Float[np.ndarray, "m 3"], median: float) -> CloudArray:
+    """Subsample touched points to the density of a cloud, in the order of farthest point sampling.
+
+    Args:
+        touched: distinct points, at least one.
+        median: median spacing of the cloud.
+    """
+    apart, count = EVEN * median, FIRST
     while True:  # of a million recorded points only a few hundred are kept
         ordered: CloudArray = touched[farthest_points(touched, min(count, len(touched)))]
         kept = spread_prefix(ordered, apart)

@@ -4,6 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
+from pcsr.upsample.neighbours import Cloud, Neighbours
+
 AROUND = 8
 """Number of nearest points, besides itself, that tell whether a point is on a wire."""
 THIN = 0.07
@@ -14,13 +16,14 @@ SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2)
 """Positions of candidates on a chord."""
 
 
-def on_wires(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+def on_wires(cloud: Cloud) -> Bool[np.ndarray, " n"]:
     """Find the points that lie along a line with their neighbours.
 
     Args:
-        points: the cloud, (n 3), in any frame.
+        cloud: the points, (n 3), in any frame.
     """
-    nearest = cKDTree(points).query(points, k=min(AROUND + 1, len(points)))[1]
+    neighbours = Neighbours.of(cloud, AROUND + 1)
+    points, nearest = neighbours.points, neighbours.index[:, : AROUND + 1]
     offsets = points[nearest] - points[nearest].mean(1, keepdims=True)
     variances = np.linalg.eigvalsh(offsets.mT @ offsets)
     ratio = np.divide(variances[:, 1], variances[:, 2], out=np.ones(len(points)), where=variances[:, 2] > 0)

@@ -123,8 +123,10 @@ def test_each_rate_is_asked_of_the_network_whatever_it_was_trained_at():
             np.testing.assert_array_equal(dense[name], one.upsample(points, rate=rate))
             assert compared[name].protocol == "as pcsr upsample"
         np.testing.assert_array_equal(dense["small, 2 touches"], frames.upsample(points, contacts, rate=rate))
-        away = [np.median(cKDTree(dense[name]).query(contacts[0])[0]) for name in ("small, 2 touches", "small")]
-        assert away[0] < away[1], "points are closer to the touched ones"
+        away = [cKDTree(dense[name]).query(contacts[0])[0] for name in ("small, 2 touches", "small")]
+        same = [float((distance < 1e-5).mean()) for distance in away]
+        assert same[0] > 0.3, "many touched points are in the result, to the digit"
+        assert same[1] == 0
 
 
 def test_only_models_of_any_rate_without_patches_go_the_way_of_the_library(tapsr):

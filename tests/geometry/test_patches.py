@@ -26,13 +26,26 @@ def test_each_point_is_in_the_core_of_one_patch(count, size, seed):
         assert patch.core <= size // 2 or len(made) == 1
 
 
+@given(count=st.integers(2, 500), part=st.floats(0.1, 1), size=st.integers(8, 80), seed=st.integers(0, 99))
+def test_cores_lie_within_a_part_of_the_cloud_and_margins_anywhere(count, part, size, seed):
+    points = cloud(count, seed)
+    within = np.sort(np.random.default_rng(seed).choice(count, max(1, round(part * count)), replace=False))
+    made = list(patches(points, size, size // 2, within))
+    assert sorted(np.concatenate([patch.rows[: patch.core] for patch in made])) == list(within)
+    for patch in made:
+        assert len(patch.rows) == len(set(patch.rows)) == min(size, count)
+
+
 def test_a_margin_is_what_is_nearest_to_the_core():
     points = cloud(2000)
     for patch in patches(points, 64, 32):
-        core, margin = points[patch.rows[: patch.core]], points[patch.rows[patch.core :]]
-        others = np.delete(points, patch.rows, axis=0)
-        middle = core.mean(0)
-        assert np.linalg.norm(margin - middle, axis=1).max() <= np.linalg.norm(others - middle, axis=1).min()
+        core, others = points[patch.rows[: patch.core]], np.delete(np.arange(2000), patch.rows)
+        distance = np.linalg.norm(points[:, None] - core, axis=2).min(1)
+        margin = distance[patch.rows[patch.core :]]
+        assert (np.diff(margin) >= 0).all(), "the nearest first"
+        centre = np.linalg.norm(points - core.mean(0), axis=1)
+        around = np.sort(centre)[127]  # the margin is chosen among these
+        assert margin.max() <= distance[others[centre[others] <= around]].min()
 
 
 def test_cells_are_of_about_equal_size_and_round():

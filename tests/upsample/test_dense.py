@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from pcsr import UserError
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
+from pcsr.upsample.dense import core_size
 from pcsr.upsample.unseen import unseen
 from pcsr.workers import worker_pool
 
@@ -69,7 +70,7 @@ def test_no_seams_show():
     from pcsr.geometry.patches import patches
 
     owner = np.zeros(len(sheet), int)
-    for number, patch in enumerate(patches(sheet, 256, 128)):
+    for number, patch in enumerate(patches(sheet, 256, core_size(256))):
         owner[patch.rows[: patch.core]] = number
     inner = (np.abs(whole[:, :2] - 0.5) < 0.45).all(1)
     inside = whole[inner]
@@ -168,11 +169,15 @@ def test_more_processes_give_the_same_points():
     np.testing.assert_array_equal(densify(cloud, 2000, SMALL), other)
 
 
-def test_progress_ends_at_all_points():
+@pytest.mark.parametrize("rate", [3, 12])
+def test_progress_rises_over_all_passes_and_ends_at_the_total(rate):
     calls = []
-    densify(bowl(300), 900, SMALL, advance=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (300, 300)
-    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+    densify(bowl(300), rate * 300, SMALL, advance=lambda done, total: calls.append((done, total)))
+    done, totals = zip(*calls, strict=True)
+    assert list(done) == sorted(set(done)), "no pass starts again"
+    passes = 1 if rate == 3 else 2
+    expected = sum(round(300 * rate ** (number / passes)) for number in range(passes))
+    assert set(totals) == {done[-1]} == {expected}
 
 
 @pytest.mark.parametrize(
@@ -186,6 +191,25 @@ def test_progress_ends_at_all_points():
 def test_what_cannot_be_done_is_said(cloud, count, said):
     with pytest.raises(UserError, match=said):
         densify(cloud, count, SMALL)
+
+
+@pytest.mark.parametrize("rate", [3, 40])
+def test_a_part_of_a_cloud_gets_new_points_and_the_rest_is_its_neighbourhood(rate):
+    cloud = bowl(400)
+    cloud = cloud[np.argsort(cloud[:, 0])]
+    new = densify(cloud, 200 * rate, SMALL, core=200)
+    assert len(new) == 200 * (rate - 1)
+    nearest = cKDTree(cloud).query(new)[1]
+    assert (nearest < 200).mean() > 0.98
+    other = densify(cloud[::-1], 200 * rate, SMALL, core=200)
+    whole = densify(cloud, 400 * rate, SMALL)
+    between = cloud[199:201, 0].mean()
+    counts = [(np.abs(each[:, 0] - between) < 0.15).sum() for each in (np.concatenate([new, other]), whole)]
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)
+
+
+def test_a_part_that_is_the_whole_cloud_is_no_other_case():
+    np.testing.assert_array_equal(densify(bowl(200), 1700, SMALL, core=200), densify(bowl(200), 1700, SMALL))
 
 
 def test_points_on_a_line_and_copies_are_no_trouble():

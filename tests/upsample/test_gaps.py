@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.upsample.gaps import between, spacing, strays, within_reach
+from pcsr.upsample.gaps import between, spacing, strays, touched_ones, within_reach
 
 
 def test_spacing_is_the_distance_between_neighbours():
@@ -80,3 +80,12 @@ def test_fractions_keep_apart_and_below_a_half():
     fractions = between(np.eye(3)[:2] - np.eye(3)[0], 1, 16)[:, 1]
     assert 0 < min(fractions) < max(fractions) < 0.5
     assert np.diff(sorted(fractions)).min() > 0.01
+
+
+def test_candidates_are_touched_points_up_to_single_precision():
+    rng = np.random.default_rng(0)
+    touch, others = rng.uniform(-1, 1, (2, 50, 3))
+    candidates = np.concatenate([touch.astype(np.float32), others, touch + np.array([0, 0, 1e-5])])
+    np.testing.assert_array_equal(touched_ones(candidates, [touch[:20], touch[20:]]), np.arange(150) < 50)
+    assert not touched_ones(candidates, []).any()
+    assert touched_ones(candidates[:0], [touch]).shape == (0,)

@@ -66,3 +66,14 @@ def test_two_sheets_edges_and_wires_are_no_noise():
 def test_points_on_a_line_can_be_fitted():
     line = np.outer(np.linspace(0, 1, 40), [1.0, 2, 3])
     assert np.isfinite(fitted(line).coefficients).all()
+
+
+def test_no_quadric_leaves_more_than_its_plane():
+    """Quadrics are thus fitted only where planes leave residuals."""
+    for noise in (0, 0.1, 0.4):
+        quadrics = fitted(hill(300, noise))
+        planes = np.sqrt(np.maximum(quadrics.variances[:, 0], 0) / 10)
+        assert (quadrics.residual <= planes + 1e-5).all()
+    flat = fitted(hill(300))
+    assert flat.noisy() == 0
+    assert "coefficients" not in vars(flat)

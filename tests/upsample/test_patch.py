@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Midpoints
+from pcsr.upsample.patch import BORDER, _competing
 
 SOURCE = Midpoints(size=256, rate=16)
 
@@ -62,9 +63,57 @@ def test_on_a_noisy_floor_new_points_are_closer_to_it_than_old_ones():
     assert np.abs(new[:, 2]).mean() < 0.6 * np.abs(cloud[:, 2]).mean()
 
 
+class Touched(Midpoints):
+    """Interpolation, and all touched points in single precision, as networks insert them."""
+
+    def __call__(self, points, touches, rate):
+        inserted = np.concatenate([np.zeros((0, 3)), *touches]).astype(np.float32).astype(np.float64)
+        return np.concatenate([super().__call__(points, (), rate), inserted])
+
+
+def off(cloud, touch):
+    """How far each touched point is from the nearest point of the dense cloud, in radii of the cloud."""
+    source = Touched(size=256, rate=16)
+    dense = densify(cloud, 4 * len(cloud), source, touches=[touch])
+    return cKDTree(dense).query(touch)[0] / np.linalg.norm(cloud - cloud.mean(0), axis=1).max()
+
+
+def test_touched_points_on_a_noisy_floor_are_not_moved():
+    cloud = square(900, side=30.0)
+    cloud[:, 2] = np.random.default_rng(2).normal(0, 0.3, 900)
+    touch = np.array([[x, y, 0.6] for x in (6.0, 14.0, 22.0) for y in (5.0, 15.0, 25.0)])  # the farthest from all
+    assert np.quantile(off(cloud, touch), 0.5) < 1e-6
+
+
+def test_touched_points_beside_stray_points_are_not_too_many():
+    strays = np.random.default_rng(1).uniform([0.2, 0.2, 0.5], [0.8, 0.8, 2], (6, 3))
+    cloud = np.concatenate([square(250), strays])
+    reach = cKDTree(cloud).query(strays, k=[4])[0][:, 0]
+    touch = np.concatenate(
+        [stray + 0.12 * reach[:, None][i] * np.vstack([np.eye(3), -np.eye(3)]) for i, stray in enumerate(strays)]
+    )
+    assert (off(cloud, touch) < 1e-6).mean() > 0.7
+
+
+def test_touched_points_beside_a_wire_are_kept():
+    angle = np.linspace(0, 20, 120)
+    wire = np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), 0.8 * angle])
+    touch = wire[10:110:10] + np.array([0, 0, 0.5])  # within reach, and on no chord
+    assert (off(wire, touch) < 1e-6).all()
+
+
 def test_a_dense_half_of_a_patch_stays_as_much_denser():
     rng = np.random.default_rng(0)
     x = np.concatenate([rng.uniform(0, 1, 200), rng.uniform(1, 2, 50)])
     cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 250), np.zeros(250)])
     new = densify(cloud, 1000, SOURCE)
     assert (new[:, 0] < 1).mean() == pytest.approx(0.8, abs=0.08)
+
+
+@pytest.mark.parametrize("core", [60, 400])
+def test_candidates_compete_at_points_of_the_core_and_those_next_to_it(core):
+    cloud = square(400)[square(400)[:, 0].argsort()]
+    competing = _competing(cloud, core, np.full(400, 0.05))
+    away = np.linalg.norm(cloud[:, None] - cloud[:core], axis=2).min(1)
+    np.testing.assert_array_equal(competing, away <= BORDER * 0.05)
+    assert competing.sum() == 400 if core == 400 else core < competing.sum() < 200

@@ -4,30 +4,31 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pcsr.upsample.rejection import few_each, loneliness, on_planes
+from pcsr.upsample.rejection import few_each, isolation, on_planes
 
 
 @given(seed=st.integers(0, 100), count=st.integers(2, 60))
-def test_loneliness_is_the_distance_to_the_twentieth_other_candidate(seed, count):
+def test_isolation_is_the_distance_to_the_twentieth_other_candidate(seed, count):
     rng = np.random.default_rng(seed)
-    candidates, unit = rng.normal(size=(count, 3)), rng.uniform(0.5, 2, count)
+    candidates, some = rng.normal(size=(count, 3)), rng.permutation(count)[: count // 2]
+    unit = rng.uniform(0.5, 2, len(some))
     away = np.sort(np.linalg.norm(candidates[:, None] - candidates, axis=2), axis=1)
-    np.testing.assert_allclose(loneliness(candidates, unit), away[:, min(20, count - 1)] / unit)
+    np.testing.assert_allclose(isolation(candidates, some, unit), away[some, min(20, count - 1)] / unit)
 
 
-def test_candidates_at_points_without_spacing_are_the_loneliest():
-    assert np.isinf(loneliness(np.random.default_rng(0).normal(size=(30, 3)), np.zeros(30))).all()
+def test_candidates_at_points_without_spacing_are_the_most_isolated():
+    candidates = np.random.default_rng(0).normal(size=(30, 3))
+    assert np.isinf(isolation(candidates, np.arange(30), np.zeros(30))).all()
 
 
 @given(seed=st.integers(0, 200), most=st.integers(1, 5))
-def test_a_capped_point_keeps_its_least_lonely_candidates(seed, most):
+def test_each_point_keeps_its_least_isolated_candidates(seed, most):
     rng = np.random.default_rng(seed)
-    nearest, lonely, capped = rng.integers(0, 8, 60), rng.random(60), rng.random(8) < 0.5
-    kept = few_each(nearest, capped, most, lonely)
+    nearest, isolated = rng.integers(0, 8, 60), rng.random(60)
+    kept = few_each(nearest, most, isolated)
     for point in range(8):
         own = np.flatnonzero(nearest == point)
-        expected = own[np.argsort(lonely[own])][: most if capped[point] else None]
-        assert set(own[kept[own]]) == set(expected)
+        assert set(own[kept[own]]) == set(own[np.argsort(isolated[own])][:most])
 
 
 def test_with_normals_nothing_between_two_sheets_is_kept_and_all_on_them():

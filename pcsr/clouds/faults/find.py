@@ -65,7 +65,7 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
     frequent = left[frequent_sentinels(positions.points[left], positions.count[left])]
     for one in frequent:
         there = np.arange(len(healthy)) == one
-        fault = f"have the coordinates {_shown(positions.points[one])}, which mark an invalid pixel"
+        fault = f"have the coordinates {shown(positions.points[one])}, which mark an invalid pixel"
         yield _fault(points, rows[positions.rows(there)], fault, at=False)
     healthy[frequent] = False
     left = np.flatnonzero(healthy)
@@ -82,7 +82,7 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
         original = rows[positions.first[positions.index[copies[0]]]]
         yield Fault(
             rows[copies],
-            f"{_counted(len(copies), len(points), what)}, such as point {rows[copies[0]]} of "
+            f"{counted(len(copies), len(points), what)}, such as point {rows[copies[0]]} of "
             f"point {original}, counted from 0",
             harmful=False,
         )
@@ -97,16 +97,17 @@ def _faults(points: Float64[np.ndarray, "n 3"]) -> Iterator[Fault]:
 def _fault(
     points: Float64[np.ndarray, "n 3"], rows: Int[np.ndarray, " m"], what: str, *, at: bool = True, harmful: bool = True
 ) -> Fault:
-    where = f", at {_shown(points[rows[0]])}" if at else ""
-    sentence = f"{_counted(len(rows), len(points), what)}, such as point {rows[0]}, counted from 0{where}"
+    where = f", at {shown(points[rows[0]])}" if at else ""
+    sentence = f"{counted(len(rows), len(points), what)}, such as point {rows[0]}, counted from 0{where}"
     return Fault(rows, sentence, harmful)
 
 
-def _counted(found: int, total: int, what: str) -> str:
+def counted(found: int, total: int, what: str) -> str:
     """Begin a sentence about a number of points; `what` begins with "are" or "have"."""
     verb, _, rest = what.partition(" ")
     return f"{found} of {total} points {SINGULAR[verb] if found == 1 else verb} {rest}"
 
 
-def _shown(point: Float64[np.ndarray, "3"]) -> str:
+def shown(point: Float64[np.ndarray, "3"]) -> str:
+    """Format a point for a sentence."""
     return f"({', '.join(f'{number:.6g}' for number in point)})"

@@ -1,6 +1,7 @@
 """Screening of a cloud before it is used: its faults are refused, kept aside or dropped."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -71,19 +72,29 @@ def screen(cloud: Cloud, bad: Bad = "refuse", name: str = "the cloud") -> Screen
     faults = find_faults(cloud.points)
     harmful = [fault.sentence for fault in faults if fault.harmful]
     if harmful and bad == "refuse":
-        raise UserError(
-            f"{name}: {'; '.join(harmful)}: drop such points with --bad drop, or keep them unused with --bad keep "
-            f"(from Python: bad='drop', bad='keep')"
-        )
+        raise refusal(name, harmful)
     used = np.ones(len(cloud), bool)
     for fault in faults:
         used[fault.rows] = False
-        copies = "each position is used once" if bad != "drop" else "the copies were dropped"
-        done = copies if not fault.harmful else "dropped" if bad == "drop" else "kept, but not used"
-        warnings.warn(f"{name}: {fault.sentence}: {done}", PcsrWarning, stacklevel=3)
+        warnings.warn(remark(name, fault.sentence, bad, harmful=fault.harmful), PcsrWarning, stacklevel=3)
     if bad == "drop" and not used.all():
         cloud, used = cloud.chosen(used), np.ones(int(used.sum()), bool)
     return ScreenedCloud(cloud, used)
+
+
+def refusal(name: str, sentences: Sequence[str]) -> UserError:
+    """Return the error for a cloud with faults."""
+    return UserError(
+        f"{name}: {'; '.join(sentences)}: drop such points with --bad drop, or keep them unused with --bad keep "
+        f"(from Python: bad='drop', bad='keep')"
+    )
+
+
+def remark(name: str, sentence: str, bad: Bad, *, harmful: bool) -> str:
+    """Return the warning for one fault of a cloud: what was found, and what is done with it."""
+    copies = "each position is used once" if bad != "drop" else "the copies were dropped"
+    done = copies if not harmful else "dropped" if bad == "drop" else "kept, but not used"
+    return f"{name}: {sentence}: {done}"
 
 
 def warn_of_faults(points: Float64[np.ndarray, "n 3"], name: str) -> None:

@@ -23,7 +23,16 @@ def read_npy(data: bytes) -> Cloud:
     Raises:
         UserError: the array has another shape or does not hold real numbers.
     """
-    array = _numbers(read_array(BytesIO(data), len(data)))
+    return rows_cloud(read_array(BytesIO(data), len(data)))
+
+
+def rows_cloud(array: np.ndarray) -> Cloud:
+    """Return the cloud of an array (n, 3 + k), as `read_npy`.
+
+    Raises:
+        UserError: the array has another shape or does not hold real numbers.
+    """
+    array = _numbers(array)
     kind = array.dtype.str[1:]
     return _cloud(array, {}, {"npy": {"kind": kind, "coordinates": kind}})
 
@@ -122,17 +131,26 @@ def write_npy(cloud: Cloud) -> bytes:
     Raises:
         UserError: a column has integers that double precision cannot represent.
     """
+    file = BytesIO()
+    np.save(file, table(cloud), allow_pickle=False)
+    return file.getvalue()
+
+
+def table(cloud: Cloud) -> np.ndarray:
+    """Return the array (n, 3 + k) of a cloud that `write_npy` writes.
+
+    Raises:
+        UserError: a column has integers that double precision cannot represent.
+    """
     columns = spread(cloud.columns, rest=True)
     for name, column in columns.items():
         if column.dtype.kind in "iu" and max(-int(column.min()), int(column.max())) > 2**53:
             raise UserError(f"an .npy of doubles can't hold the large integers of column '{name}': write a .npz file")
-    table = np.column_stack([cloud.points, *(column.astype(np.float64) for column in columns.values())])
+    doubles = np.column_stack([cloud.points, *(column.astype(np.float64) for column in columns.values())])
     kind = np.dtype(cloud.about.get("npy", {}).get("kind", "f8"))
     with np.errstate(over="ignore", invalid="ignore"):
-        cast = table.astype(kind)
-    file = BytesIO()
-    np.save(file, cast if np.array_equal(cast.astype(np.float64), table, equal_nan=True) else table, allow_pickle=False)
-    return file.getvalue()
+        cast = doubles.astype(kind)
+    return cast if np.array_equal(cast.astype(np.float64), doubles, equal_nan=True) else doubles
 
 
 def write_npz(cloud: Cloud) -> bytes:

@@ -2,9 +2,11 @@
 
 import copy
 import warnings
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from io import BytesIO
-from typing import Any
+from mmap import mmap
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,8 +17,13 @@ from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.limits import check_inflated
 
+Data: TypeAlias = bytes | mmap
+
 USER = "the format LAS"
 """Feature that needs laspy, for the message if it is not installed."""
+HEADER, COMPRESSION, UNCOMPRESSED = 227, 104, 127
+"""Size of the smallest header in bytes, the byte that says whether points are compressed, and the largest value of it
+for points that are not."""
 RANGE = 2**31 - 1
 """Largest stored coordinate. LAS stores coordinates as 32-bit integers, times a scale, plus an offset."""
 SMALLEST = 1e-290
@@ -36,11 +43,11 @@ def read(data: bytes) -> Cloud:
         UserError: laspy is not installed, or the file is cut off or damaged.
     """
     laspy = imported("laspy", USER)
-    _check_counts(data)
-    if data[104] > 127:
+    check_counts(data)
+    if data[COMPRESSION] > UNCOMPRESSED:
         check_installed(compressed=True)
     try:
-        with warnings.catch_warnings(), panics_as_errors() if data[104] > 127 else nullcontext():
+        with warnings.catch_warnings(), panics_as_errors() if data[COMPRESSION] > UNCOMPRESSED else nullcontext():
             warnings.simplefilter("ignore")  # of unusual headers
             las = laspy.read(BytesIO(data))
     except laspy.LaspyException as error:
@@ -49,13 +56,18 @@ def read(data: bytes) -> Cloud:
         raise UserError(
             f"it is cut off: {len(las.points)} of its {las.header.point_count} points are there: get the file again"
         )
+    return points_cloud(las, without_octree(las.header))
+
+
+def points_cloud(las: Any, notes: tuple[str, ...]) -> Cloud:
+    """Return the cloud of a `laspy.LasData`, with all dimensions in the file's order."""
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z", "x", "y", "z")]
     columns = {name: native(np.array(las[name])) for name in names}
-    about = {"las": {"header": las.header}, "notes": _without_octree(las.header)}
+    about = {"las": {"header": las.header}, "notes": notes}
     return Cloud(np.array(las.xyz, np.float64, order="C"), columns, about)
 
 
-def _without_octree(header: Any) -> tuple[str, ...]:
+def without_octree(header: Any) -> tuple[str, ...]:
     """Remove COPC's records from a header, since they hold for the points in the file alone; return a note on it."""
     removed = 0
     for records in (header.vlrs, header.evlrs):
@@ -67,9 +79,17 @@ def _without_octree(header: Any) -> tuple[str, ...]:
     return (f"it is a COPC: the octree in {removed} of its records was left out, and .laz is written as plain LAZ",)
 
 
-def _check_counts(data: bytes) -> None:
-    """Check that the records and points that the header claims fit into the file; laspy would search for each."""
-    if len(data) < max(227, _integer(data, 94, 2)):
+def check_counts(data: Data, *, whole: bool = True) -> None:
+    """Check that the records and points that the header claims fit into the file; laspy would search for each.
+
+    Args:
+        data: the file, or a memory map of it.
+        whole: whether all points will be in memory.
+
+    Raises:
+        UserError: they do not fit, or compressed points are damaged.
+    """
+    if len(data) < max(HEADER, _integer(data, 94, 2)):
         raise UserError("it is cut off in its header")
     numbers = np.frombuffer(data, "<f8", 6, 131)
     if not (np.isfinite(numbers).all() and (np.abs(numbers[:3]) >= SMALLEST).all()):
@@ -84,17 +104,18 @@ def _check_counts(data: bytes) -> None:
     count, size, compressed = (
         _integer(data, 247, 8) if extended else _integer(data, 107, 4),
         _integer(data, 105, 2),
-        data[104] > 127,
+        data[COMPRESSION] > UNCOMPRESSED,
     )
     there = max(0, len(data) - _integer(data, 96, 4)) // max(size, 1)
     if there < count and not compressed:
         raise UserError(f"it is cut off: {there} of its {count} points are there: get the file again")
     if compressed:
-        check_inflated(len(data), count * size)
+        if whole:
+            check_inflated(len(data), count * size)
         check_chunks(data, _integer(data, 96, 4), size, count)
 
 
-def _integer(data: bytes, at: int, size: int) -> int:
+def _integer(data: Data, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], "little")
 
 
@@ -127,6 +148,31 @@ def check_installed(*, compressed: bool) -> None:
 
 
 def _write(cloud: Cloud, *, compress: bool) -> bytes:
+    las = las_data(cloud)
+    file = BytesIO()
+    with _as_user_errors(las.header):
+        las.write(file, do_compress=compress)
+    return file.getvalue()
+
+
+@contextmanager
+def _as_user_errors(header: Any) -> Iterator[None]:
+    laspy = imported("laspy", USER)
+    try:
+        yield
+    except (laspy.LaspyException, OverflowError, ValueError) as error:
+        raise UserError(
+            f"a LAS file of version {header.version} and point format {header.point_format.id} cannot hold this cloud: "
+            f"write a .ply file"
+        ) from error
+
+
+def las_data(cloud: Cloud) -> Any:
+    """Return a cloud as `laspy.LasData`, with the header of the file; see `write_las`.
+
+    Raises:
+        UserError: as `write_las`.
+    """
     laspy = imported("laspy", USER)
     known = cloud.about.get("las", {}).get("header")
     colours = _colours_in_16_bits(cloud.columns)
@@ -147,17 +193,10 @@ def _write(cloud: Cloud, *, compress: bool) -> bytes:
         )
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header))
     las.X, las.Y, las.Z = stored.astype(np.int32).T
-    try:
+    with _as_user_errors(header):
         for name, column in dimensions.items():
             las[name] = _storable(column)
-        file = BytesIO()
-        las.write(file, do_compress=compress)
-    except (laspy.LaspyException, OverflowError, ValueError) as error:
-        raise UserError(
-            f"a LAS file of version {header.version} and point format {header.point_format.id} cannot hold this cloud: "
-            f"write a .ply file"
-        ) from error
-    return file.getvalue()
+    return las
 
 
 def _header(laspy: Any, points: np.ndarray, coloured: bool) -> Any:

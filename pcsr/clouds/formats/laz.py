@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from mmap import mmap
 
 import numpy as np
 
@@ -25,11 +26,11 @@ a layer for each byte."""
 DAMAGED = "its compressed points are damaged: get the file again"
 
 
-def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
+def check_chunks(data: bytes | mmap, at: int, size: int, count: int) -> None:
     """Check that the chunk table is consistent with the file.
 
     Args:
-        data: the file.
+        data: the file, or a memory map of it.
         at: index of the first byte of the points.
         size: size of a point in bytes.
         count: number of points.
@@ -51,7 +52,7 @@ def check_chunks(data: bytes, at: int, size: int, count: int) -> None:
         # A chunk begins with one uncompressed point.
         if room < 0 or start + 8 > len(data) or packing.item_size() != size or chunks * size > room:
             raise UserError(DAMAGED)
-        file = BytesIO(data)
+        file = BytesIO(data) if isinstance(data, bytes) else data
         file.seek(at)
         table = lazrs.read_chunk_table(file, packing)
     except (lazrs.LazrsError, ValueError, OverflowError, TypeError) as error:
@@ -80,7 +81,7 @@ def _layers(record: bytes) -> int:
     return layers
 
 
-def _record(data: bytes) -> bytes:
+def _record(data: bytes | mmap) -> bytes:
     """Return the content of the record that describes the compression."""
     at = int.from_bytes(data[94:96], "little")
     for _ in range(int.from_bytes(data[100:104], "little")):

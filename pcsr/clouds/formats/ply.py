@@ -1,12 +1,14 @@
 """Reader of the vertices of PLY files, in text and both binary byte orders; other elements are skipped."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import native
 from pcsr.clouds.formats.digits import cast_column
 from pcsr.clouds.formats.ply_binary import read_binary
-from pcsr.clouds.formats.ply_header import TYPES, parse, vertices
+from pcsr.clouds.formats.ply_header import TYPES, Element, parse, vertices
 from pcsr.clouds.formats.ply_text import read_text
 from pcsr.clouds.formats.splats import as_colours, is_splats
 from pcsr.errors import UserError
@@ -41,6 +43,21 @@ def read(data: bytes) -> Cloud:
         for each in element.properties
         if each.name not in table
     ]
+    return vertex_cloud(table, header.encoding, header.comments, element, notes)
+
+
+def vertex_cloud(
+    table: Mapping[str, np.ndarray], encoding: str, comments: list[str], element: Element, notes: list[str]
+) -> Cloud:
+    """Return the cloud of a table of vertices.
+
+    Args:
+        table: properties by name, those that are kept.
+        encoding: encoding of the file.
+        comments: comments of its header.
+        element: the vertices' element in the header.
+        notes: sentences on what was left out.
+    """
     kind = {each.name: each.type for each in element.properties}
     columns = {
         name: native(cast_column(column, np.dtype(TYPES[kind[name]]), name))
@@ -49,12 +66,12 @@ def read(data: bytes) -> Cloud:
     }
     if is_splats(set(columns)):
         columns, note = as_colours(columns)
-        notes.append(note)
+        notes = [*notes, note]
     points = np.stack([np.asarray(table[axis], np.float64) for axis in "xyz"], axis=-1)
     single = all(kind[axis] == "float" for axis in "xyz")
     about = {
-        "encoding": header.encoding,
-        "comments": header.comments,
+        "encoding": encoding,
+        "comments": comments,
         "coordinates": "float" if single else "double" if kind["x"] == "float" else kind["x"],
     }
     return Cloud(points, columns, {"ply": about, "notes": tuple(notes)})

@@ -24,13 +24,40 @@ def write(cloud: Cloud) -> bytes:
     Raises:
         UserError: no PLY type represents the integers of a column.
     """
-    about = cloud.about.get("ply", {})
-    encoding = about.get("encoding", "binary_little_endian")
+    properties, rows = table(cloud)
+    start = header(cloud, properties, len(cloud))
+    if _encoding(cloud) != "ascii":
+        return start + rows.tobytes()
+    fields = [rows[name] for name in rows.dtype.names or ()]
+    numbers = [each for field in fields for each in (field.T if field.ndim == 2 else [field])]
+    return start + "".join(" ".join(row) + "\n" for row in zip(*map(words, numbers), strict=True)).encode()
+
+
+def header(cloud: Cloud, properties: list[str], count: int) -> bytes:
+    """Return the header of a file, in the encoding and with the comments that the cloud was read with.
+
+    Args:
+        cloud: a cloud with these properties.
+        properties: lines of the properties.
+        count: number of points.
+    """
+    comments = cloud.about.get("ply", {}).get("comments", ())
+    lines = ["ply", f"format {_encoding(cloud)} 1.0", *comments, f"element vertex {count}", *properties, "end_header"]
+    return "".join(line + "\n" for line in lines).encode("utf-8", "surrogateescape")
+
+
+def table(cloud: Cloud) -> tuple[list[str], np.ndarray]:
+    """Return the header's lines of a cloud's properties, and its rows as a binary file holds them.
+
+    Raises:
+        UserError: no PLY type represents the integers of a column.
+    """
     columns: dict[str, np.ndarray] = dict(zip("xyz", coordinates(cloud).T, strict=True))
     flat = spread(cloud.columns, rest=False)
-    for name, column in one_word_names(flat if about else in_bytes(flat)).items():
+    for name, column in one_word_names(flat if "ply" in cloud.about else in_bytes(flat)).items():
         columns[name] = column.astype(smallest(column, name), copy=False)
-    lines = ["ply", f"format {encoding} 1.0", *about.get("comments", ()), f"element vertex {len(cloud)}"]
+    order = ORDERS[_encoding(cloud)]
+    lines: list[str] = []
     parts: list[tuple[str, str, tuple[int, ...]]] = []
     values: list[np.ndarray] = []
     for number, (name, column) in enumerate(columns.items()):
@@ -38,20 +65,21 @@ def write(cloud: Cloud) -> bytes:
         if column.ndim == 2:
             length = "uchar" if column.shape[1] < 256 else "uint"
             lines.append(f"property list {length} {NAMES[code]} {name}")
-            parts.append((f"length {number}", ORDERS[encoding] + TYPES[length], ()))
+            parts.append((f"length {number}", order + TYPES[length], ()))
             values.append(np.full(len(cloud), column.shape[1], TYPES[length]))
         else:
             lines.append(f"property {NAMES[code]} {name}")
-        parts.append((f"{number}", ORDERS[encoding] + code, column.shape[1:]))
+        parts.append((f"{number}", order + code, column.shape[1:]))
         values.append(column)
-    header = "".join(line + "\n" for line in [*lines, "end_header"]).encode("utf-8", "surrogateescape")
-    if encoding == "ascii":
-        numbers = [each for value in values for each in (value.T if value.ndim == 2 else [value])]
-        return header + "".join(" ".join(row) + "\n" for row in zip(*map(words, numbers), strict=True)).encode()
     rows = np.zeros(len(cloud), parts)
     for (name, _, _), value in zip(parts, values, strict=True):
         rows[name] = value
-    return header + rows.tobytes()
+    return lines, rows
+
+
+def _encoding(cloud: Cloud) -> str:
+    encoding: str = cloud.about.get("ply", {}).get("encoding", "binary_little_endian")
+    return encoding
 
 
 def smallest(column: np.ndarray, name: str) -> np.dtype:

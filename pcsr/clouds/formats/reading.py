@@ -18,6 +18,8 @@ from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
 
+TOO_LARGE = "convert it to LAS, LAZ, binary PLY or NPY, which `pcsr upsample` reads in parts, or split it"
+"""Remedy for files that do not fit into memory."""
 LONGEST = 500
 """Longest reason in a message, in characters."""
 
@@ -112,7 +114,8 @@ def read_points(
 
 
 def _content(path: Path, kind: str) -> bytes:
-    return read_bytes(path, memory=memory(kind), check=partial(check_start, suffix=kind, name=str(path)))
+    check = partial(check_start, suffix=kind, name=str(path))
+    return read_bytes(path, memory=memory(kind), check=check, remedy=TOO_LARGE)
 
 
 def _reader(kind: str, name: str, columns: str | Sequence[str] | None) -> Callable[[bytes], Cloud]:

@@ -16,7 +16,7 @@ from pcsr_plugins.layers.options import Layers, NeighbourCount
 class LocalFrameBackbone(Backbone):
     """f ← f + MLP(LocalFrameConv(Norm(f))), again and again, on one graph."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL})
 
     def __init__(self, widths: Widths, *, layers: Layers = 4, neighbours: NeighbourCount = 16) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class LocalFrameBackbone(Backbone):
     def forward(self, points: Points, features: Features) -> Features:
         """Refine the features."""
         frames = LocalFrames.of(points, self.neighbours)
-        edges = frames.edges()
+        edges = frames.edges
         for norm, convolution, mlp in zip(self.norms, self.convolutions, self.mlps, strict=True):
             features = features + mlp(convolution(norm(features), frames, edges))
         return features

@@ -12,7 +12,7 @@ from pcsr_plugins.layers.options import Channels, NeighbourCount
 class LocalFrameEncoder(Encoder):
     """One edge convolution on the local reference frames."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL})
 
     def __init__(self, widths: Widths, *, channels: Channels = 64, neighbours: NeighbourCount = 16) -> None:
         super().__init__()
@@ -23,5 +23,5 @@ class LocalFrameEncoder(Encoder):
     def forward(self, points: Points) -> Features:
         """Encode each point's neighbourhood."""
         frames = LocalFrames.of(points, self.neighbours)
-        features: Features = self.layer(frames.rough, frames, frames.edges())
+        features: Features = self.layer(frames.rough, frames, frames.edges)
         return torch.relu(features)

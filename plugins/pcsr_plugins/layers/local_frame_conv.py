@@ -7,7 +7,6 @@ angles instead of coordinates, and the mean beside the maximum, since a curvatur
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from pcsr.geometry.neighbours import gather
 from pcsr.tensors import Features
@@ -28,8 +27,9 @@ class LocalFrameConv(nn.Module):
         self, features: Features, frames: LocalFrames, edges: Float[Tensor, "b n k 8"]
     ) -> Float[Tensor, "b n wide"]:
         """Convolve."""
-        messages = F.relu(
-            self.here(features).unsqueeze(2) + gather(self.there(features), frames.index) + self.edge(edges)
-        )
+        messages = self.edge(edges)  # (b n k wide), the largest tensor here: the rest is done in place
+        messages += gather(self.there(features), frames.index)
+        messages += self.here(features).unsqueeze(2)
+        messages = messages.relu_()
         convolved: Tensor = self.out(torch.cat([messages.amax(2), messages.mean(2)], dim=-1))
         return convolved

@@ -7,11 +7,14 @@ by construction.
 """
 
 import math
+from collections.abc import MutableMapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.utils.weak import WeakIdKeyDictionary
 
 from pcsr.geometry.neighbours import gather, knn
 from pcsr.tensors import Neighbours, Points
@@ -40,9 +43,23 @@ class LocalFrames:
     def of(cls, points: Points, neighbours: int) -> "LocalFrames":
         """Of each point and its nearest other ones; fewer where there are fewer.
 
+        Encoder, backbone and upsampler ask for the frames of the same tensor: they are fitted once, and kept as long as
+        the tensor exists.
+
         Raises:
             UserError: there is no other point.
         """
+        if torch.compiler.is_exporting():
+            return cls._fit(points, neighbours)
+        version = None if points.is_inference() else points._version  # changes when the points do
+        key = neighbours, version, torch.is_inference_mode_enabled()  # no gradient passes what inference mode made
+        fitted = _FITTED.setdefault(points, {})
+        if key not in fitted:
+            fitted[key] = cls._fit(points, neighbours)
+        return fitted[key]
+
+    @classmethod
+    def _fit(cls, points: Points, neighbours: int) -> "LocalFrames":
         with torch.no_grad():
             index = knn(points, points, min(neighbours + 1, max(2, points.shape[1])))[..., 1:]
             offsets = gather(points, index) - points.unsqueeze(2)
@@ -77,6 +94,7 @@ class LocalFrames:
         empty = least.isinf()
         return torch.where(empty, (empty.cumsum(-1) - 1).clamp_min(0), column)
 
+    @cached_property
     def edges(self) -> Float[Tensor, "b n k 8"]:
         """Features of each edge: length, heights over both planes, their angle, and how both ends differ."""
         neighbour_normals = gather(self.normal, self.index)
@@ -94,6 +112,10 @@ class LocalFrames:
             ],
             dim=-1,
         )
+
+
+_FITTED: MutableMapping[Tensor, dict[tuple[int, int | None, bool], LocalFrames]] = WeakIdKeyDictionary()
+"""Frames of the clouds that exist, by the number of neighbours, version of the tensor, and inference mode."""
 
 
 def plane(offsets: Float[Tensor, "b n k 3"]) -> Float[Tensor, "b n 3"]:

@@ -34,7 +34,7 @@ FARTHEST = 0.45
 class EdgeOffsets(Upsampler):
     """Displaces candidates on edges by an MLP on the edge's features, in units of the local spacing."""
 
-    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE, Trait.LOCAL})
     max_rate_per_pass: ClassVar[int | None] = 8
 
     def __init__(
@@ -75,7 +75,7 @@ class EdgeOffsets(Upsampler):
     ) -> Iterator[tuple[Float[Tensor, "b n s 3"], Float[Tensor, "b n s hidden"]]]:
         """Generate the candidates of each ring around the points, innermost first, and the MLP's last hidden layer."""
         around = frames.around(self.spokes)
-        index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges()))
+        index, offsets, edges = (_chosen(each, around) for each in (frames.index, frames.offsets, frames.edges))
         known = self.here(features).unsqueeze(2) + gather(self.there(features), index) + self.edge(edges)
         up, neighbour_normals = frames.normal.unsqueeze(2), gather(frames.normal, index)
         unit, rough = frames.unit.unsqueeze(2), frames.rough.unsqueeze(2)

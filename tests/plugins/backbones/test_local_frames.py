@@ -29,7 +29,7 @@ def test_the_backbone_adds_to_the_features(layers):
     frames = LocalFrames.of(points, backbone.neighbours)
     expected = features
     for norm, conv, mlp in zip(backbone.norms, backbone.convolutions, backbone.mlps, strict=True):
-        expected = expected + mlp(conv(norm(expected), frames, frames.edges()))
+        expected = expected + mlp(conv(norm(expected), frames, frames.edges))
     close(backbone(points, features), expected, 1e-9)
     assert backbone.channels == 8
     assert len(backbone.mlps) == layers

@@ -26,5 +26,5 @@ def test_channels_are_those_asked_for_and_traits_as_claimed():
 @torch.no_grad()
 def test_it_is_one_convolution_of_how_rough_each_neighbourhood_is():
     encoder, frames = LocalFrameEncoder(Widths(), channels=7, neighbours=6).double(), LocalFrames.of(curved(), 6)
-    expected = torch.relu(encoder.layer(frames.rough, frames, frames.edges()))
+    expected = torch.relu(encoder.layer(frames.rough, frames, frames.edges))
     torch.testing.assert_close(encoder(curved()), expected)

@@ -11,7 +11,7 @@ from tests.plugins.slow_frames import curved
 def test_a_convolution_is_its_formula_edge_by_edge():
     points, features = curved(2, 20), torch.randn(2, 20, 3, dtype=torch.float64)
     conv, frames = LocalFrameConv(3, 7).double(), LocalFrames.of(points, 6)
-    edges, convolved = frames.edges(), conv(features, frames, frames.edges())
+    edges, convolved = frames.edges, conv(features, frames, frames.edges)
     assert convolved.shape == (2, 20, 7)
     for b in range(2):
         for i in range(20):

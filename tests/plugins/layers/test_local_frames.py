@@ -1,5 +1,8 @@
 """LocalFrames: neighbourhoods by lengths and angles."""
 
+import gc
+import weakref
+
 import pytest
 import torch
 from torch.nn import functional as F
@@ -18,7 +21,7 @@ def close(a, b, atol=1e-9):
 def test_frames_and_edges_are_those_of_each_point_alone(n, neighbours):
     points = curved(1, n)
     frames = LocalFrames.of(points, neighbours)
-    edges = frames.edges()
+    edges = frames.edges
     k = min(neighbours, n - 1)
     assert edges.shape == (2, n, k, SCALARS)
     for b, row in enumerate(points):
@@ -52,7 +55,7 @@ def test_the_normal_of_a_plane_is_exact():
 
 def test_an_edge_between_very_different_spacings_is_bounded():
     points = torch.cat([1e-5 * torch.randn(1, 20, 3), torch.randn(1, 20, 3)], 1)
-    log_ratio = LocalFrames.of(points, 25).edges()[..., 4]
+    log_ratio = LocalFrames.of(points, 25).edges[..., 4]
     assert log_ratio.abs().max() == 3
 
 
@@ -60,14 +63,40 @@ def test_an_edge_between_very_different_spacings_is_bounded():
 def test_points_that_coincide_or_lie_on_a_line_have_frames(points):
     frames = LocalFrames.of(points, 16)
     assert (frames.unit >= LEAST).all()
-    assert frames.edges().isfinite().all()
+    assert frames.edges.isfinite().all()
     close(frames.normal.norm(dim=-1), torch.ones(points.shape[:2]), 1e-5)
 
 
 def test_frames_have_no_gradient():
-    assert not LocalFrames.of(curved().requires_grad_(), 8).edges().requires_grad
+    assert not LocalFrames.of(curved().requires_grad_(), 8).edges.requires_grad
 
 
 def test_a_single_point_has_no_neighbourhood():
     with pytest.raises(UserError, match="2 neighbours were asked of 1 points"):
         LocalFrames.of(torch.zeros(1, 1, 3), 16)
+
+
+def test_frames_of_a_tensor_are_fitted_once_and_again_when_it_changes():
+    points = curved()
+    frames = LocalFrames.of(points, 6)
+    assert LocalFrames.of(points, 6) is frames
+    assert LocalFrames.of(points, 5) is not frames
+    assert LocalFrames.of(points.clone(), 6) is not frames
+    points[..., 0] *= 3
+    assert not torch.equal(LocalFrames.of(points, 6).offsets, frames.offsets)
+
+
+def test_frames_of_inference_are_not_those_of_training():
+    points, layer = curved().float(), torch.nn.Linear(SCALARS, 1)
+    with torch.inference_mode():
+        LocalFrames.of(points, 6).edges  # noqa: B018
+    layer(LocalFrames.of(points, 6).edges).sum().backward()
+    assert layer.weight.grad is not None
+
+
+def test_frames_go_with_their_tensor():
+    points = curved()
+    frames = weakref.ref(LocalFrames.of(points, 6))
+    del points
+    gc.collect()
+    assert frames() is None
