@@ -136,7 +136,7 @@ class _Task:
 def _tasks(
     points: CloudArray,
     tree: cKDTree,
-    groups: Sequence[Int[np.ndarray, " c"]],
+    groups: Sequence[Int[np.ndarray, " _"]],
     level: float,
     normals: CloudArray | None,
 ) -> Iterator[_Task]:
