@@ -201,7 +201,9 @@ def candidates(model: Model, *, alone: bool) -> Candidates:
         return source
     if model.path is None:
         raise UserError("a model that is in memory alone cannot be sent to other processes: take one process")
-    return Stored(model.path.resolve(), model.plugins, source.size, source.rate, source.any_rate)
+    return Stored(
+        model.path.resolve(), model.plugins, source.size, source.rate, source.any_rate, source.corrects_points
+    )
 
 
 def check_fields(fields: Sequence[str]) -> None:

@@ -150,6 +150,9 @@ class Upsampler(nn.Module, Part):
     max_rate_per_pass: ClassVar[int | None] = None
     """Largest rate of a single forward pass at inference. Larger rates are reached by applying the network twice.
     None: no limit."""
+    corrects_points: ClassVar[bool] = False
+    """Whether the dense cloud contains a corrected copy of each input point. If True, `pcsr upsample` drops points that
+    an earlier pass generated in favour of their copies."""
 
     def prepare(self, points: Points, rate: int) -> Dense:
         """Interpolate the sparse cloud before it is encoded. By default the cloud stays as it is.

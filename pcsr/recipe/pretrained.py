@@ -106,12 +106,11 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
 def _name_start(source: Source, registry: Registry) -> None:
     """Replace the name of the weights that training starts from by the resolved mapping, in place."""
     train = source.data.get("train")
-    written = train.get("start") if isinstance(train, dict) else None
-    if written is None:
+    if not isinstance(train, dict) or train.get("start") is None:
         return
     location = source.location(("train", "start"))
     try:
-        train["start"] = _named(written, location, registry, "train.start")[1]
+        train["start"] = _named(train["start"], location, registry, "train.start")[1]
     except UserError as error:
         source.mistakes.append(Mistake(location, str(error)))
         del train["start"]

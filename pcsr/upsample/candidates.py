@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from pcsr.contracts import TouchBatch, Trait
 from pcsr.errors import PcsrWarning
@@ -33,6 +34,21 @@ MOST_TOUCH_POINTS = 1 << 16
 """Largest plausible number of points of a touch in training."""
 
 
+@dataclass(frozen=True)
+class Generated:
+    """Candidates for a patch."""
+
+    points: CloudArray
+    """(c 3), in the frame of the patch."""
+    errors: Float[np.ndarray, " c"]
+    """Predicted distance of each candidate from the surface, in the unit of the points; 0 where none is predicted."""
+
+    @classmethod
+    def of(cls, points: CloudArray) -> "Generated":
+        """Create candidates without predicted errors."""
+        return cls(points, np.zeros(len(points)))
+
+
 class Candidates:
     """Base class of candidate sources. They are sent to worker processes, so that pickling must be cheap."""
 
@@ -42,8 +58,10 @@ class Candidates:
     """Number of candidates for each point of a patch, unless any number can be generated."""
     any_rate: bool
     """Whether any number of candidates can be generated for each point."""
+    corrects_points: bool = False
+    """Whether a corrected copy of each point is among the candidates."""
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> Generated:
         """Generate candidates for a patch. All clouds are in the frame in which the patch fills the unit sphere.
 
         Args:
@@ -62,12 +80,12 @@ class Midpoints(Candidates):
     rate: int = 16
     any_rate: bool = True
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> Generated:
         """Return midpoints of neighbours, or of more neighbours in two passes for a rate above 4; touches are ignored.
 
         In two passes there are always `self.rate` for each point: more of them lie well than of fewer.
         """
-        return midpoint(points, rate) if rate <= FEW else midpoint(points, self.rate, passes=2)
+        return Generated.of(midpoint(points, rate) if rate <= FEW else midpoint(points, self.rate, passes=2))
 
 
 @dataclass(frozen=True)
@@ -82,6 +100,7 @@ class Networked(Candidates):
     """Largest number of touches in training. If there are more, the nearest are used."""
     touch_points: int
     """Number of points of each touch in training."""
+    corrects_points: bool = False
 
     @classmethod
     def of(cls, network: Network, recipe: Recipe) -> "Networked":
@@ -94,10 +113,11 @@ class Networked(Candidates):
             any_rate,
             recipe.most_touches,
             _touch_points(recipe.data.touch),
+            network.upsampler.corrects_points,
         )
 
     @torch.inference_mode()
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> Generated:
         """Return all points that the network generates, before thinning, since `densify` chooses among them.
 
         Raises:
@@ -111,10 +131,12 @@ class Networked(Candidates):
 
         resampled = self._resampled(touches)
         batch = TouchBatch.of(torch.stack([tensor(touch) for touch in resampled])[None]) if resampled else None
-        dense = self.network.candidates(tensor(points)[None], rate, batch)[0].float().cpu().numpy()
-        check_finite(dense)
-        candidates: CloudArray = dense.astype(np.float64)
-        return candidates
+        dense, errors = self.network.candidates(tensor(points)[None], rate, batch)
+        candidates = dense[0].double().cpu().numpy()
+        expected = np.zeros(len(candidates)) if errors is None else errors[0].double().cpu().numpy()
+        check_finite(candidates)
+        check_finite(expected)
+        return Generated(candidates, expected)
 
     def _resampled(self, touches: Sequence[CloudArray]) -> list[CloudArray]:
         """Return the nearest touches, as many as in training, each with the number of points of training."""
@@ -160,8 +182,9 @@ class Stored(Candidates):
     size: int
     rate: int
     any_rate: bool
+    corrects_points: bool = False
 
-    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> CloudArray:
+    def __call__(self, points: CloudArray, touches: Sequence[CloudArray], rate: int) -> Generated:
         """Return the candidates of `Networked`; each process reads the file once."""
         return _loaded(self.path, self.plugins)(points, touches, rate)
 

@@ -14,7 +14,7 @@ from pcsr.upsample.gaps import between, spacing, strays, touched_ones, within_re
 from pcsr.upsample.neighbours import Neighbours
 from pcsr.upsample.noise import Quadrics
 from pcsr.upsample.rejection import few_each, isolation, on_planes
-from pcsr.upsample.selection import pattern, spread_out
+from pcsr.upsample.selection import caution, pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
 
 BORDER = 1.5
@@ -56,21 +56,27 @@ def fill(source: Candidates, task: Task) -> CloudArray:
 
     wire = on_wires(cloud)
     along = chords(points, wire)
-    candidates = np.concatenate([along, source(points, touches, task.rate)])
+    generated = source(points, touches, task.rate)
+    candidates = np.concatenate([along, generated.points])
+    errors = np.concatenate([np.zeros(len(along)), generated.errors])
     touched = touched_ones(candidates, touches)
     kept, distance, nearest = within_reach(candidates, cloud, unit)
     kept[len(along) :] &= (touched | ~wire[nearest])[len(along) :]
     competing = _competing(points, task.core, unit)
     kept &= competing[nearest]
-    candidates, touched, distance, nearest = candidates[kept], touched[kept], distance[kept], nearest[kept]
+    candidates, errors, touched, distance, nearest = (
+        each[kept] for each in (candidates, errors, touched, distance, nearest)
+    )
     kept = touched | _kept(candidates, nearest, touched, cloud, unit, normals, task)
 
-    free = ~fixed & competing
+    free = ~fixed & competing & (wire if source.corrects_points else True)
     candidates = np.concatenate([points[free], candidates[kept]])
+    errors = np.concatenate([np.zeros(free.sum()), errors[kept]])
     touched = np.concatenate([touched_ones(points[free], touches), touched[kept]])
     nearest = np.concatenate([np.flatnonzero(free), nearest[kept]])
     away = distance[kept] if fixed.all() else cKDTree(points[fixed]).query(candidates)[0] if fixed.any() else None
-    chosen = spread_out(candidates, away, nearest < task.core, task.count, pattern(cloud, unit)[nearest])
+    lengths = pattern(cloud, unit)[nearest] * caution(errors, nearest, unit)
+    chosen = spread_out(candidates, away, nearest < task.core, task.count, lengths)
     new = candidates[chosen]
     if (unit > 0).all():
         predicted = ~touched[chosen]

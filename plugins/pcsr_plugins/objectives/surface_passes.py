@@ -100,4 +100,4 @@ class SurfacePasses(Surface):
             "stray": self.stray * beyond.square().mean(),
             "error": self.error * (predicted[:, :judged] - true).abs().mean(),
         }
-        return losses, dense.detach().unflatten(1, (cloud.shape[1], -1))[:, : points.shape[1]]
+        return losses, dense.detach().view(len(dense), cloud.shape[1], -1, 3)[:, : points.shape[1]]

@@ -6,6 +6,8 @@ expected distance from the surface, as in the confidence of PU-Gaussian (Khater 
 among candidates weighs it (`pcsr.upsample.selection`). Zero-initialised: before training points stay where they are.
 """
 
+from typing import ClassVar
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -24,6 +26,8 @@ BIAS = -3.0
 
 class RatedEdges(EdgeOffsets):
     """Displaces points and candidates on their edges, and predicts the distance of each from the surface."""
+
+    corrects_points: ClassVar[bool] = True
 
     def __init__(
         self,
