@@ -139,12 +139,14 @@ class Spy(Network):
         nn.Module.__init__(self)
         self.weight = nn.Parameter(torch.zeros(1))
         self.seen = []
-        self.upsampler = SimpleNamespace(traits={Trait.ANY_RATE})
+        self.upsampler = SimpleNamespace(traits={Trait.ANY_RATE}, corrects_points=False)
+        self.encoder = self.backbone = SimpleNamespace(traits=())
+        self.touch_encoder = None
 
     def candidates(self, points, rate, touches=None):
         self.seen.append(torch.get_num_threads())
         generator = torch.Generator().manual_seed(0)
-        return points.repeat(1, rate, 1) + 0.05 * torch.randn(1, rate * points.shape[1], 3, generator=generator)
+        return points.repeat(1, rate, 1) + 0.05 * torch.randn(1, rate * points.shape[1], 3, generator=generator), None
 
 
 @pytest.fixture

@@ -20,14 +20,15 @@ def ball(count=64, seed=0):
 class Echo(nn.Module):
     """Makes each point twice, and remembers what it was asked. It thins nothing, and has no `forward`."""
 
-    def __init__(self, factor=1.0):
+    def __init__(self, factor=1.0, errors=None):
         super().__init__()
+        self.errors = errors
         self.factor = nn.Parameter(torch.tensor(factor))
         self.asked = []
 
     def candidates(self, points, rate, touches=None):
         self.asked.append(None if touches is None else touches.points)
-        return points.repeat_interleave(rate, dim=1) * self.factor
+        return points.repeat_interleave(rate, dim=1) * self.factor, self.errors
 
 
 def networked(network, **changes):
@@ -40,8 +41,16 @@ def networked(network, **changes):
 
 def test_a_network_gives_its_rate_of_candidates_in_double_precision():
     made = networked(Echo())(ball(), [], 2)
-    assert made.dtype == np.float64
-    np.testing.assert_allclose(made, np.repeat(ball(), 2, axis=0), atol=1e-6)
+    assert made.points.dtype == made.errors.dtype == np.float64
+    np.testing.assert_allclose(made.points, np.repeat(ball(), 2, axis=0), atol=1e-6)
+    assert not made.errors.any(), "it predicts none"
+
+
+def test_predicted_errors_are_those_of_the_network_and_finite():
+    errors = torch.rand(1, 128)
+    np.testing.assert_allclose(networked(Echo(errors=errors))(ball(), [], 2).errors, errors[0].numpy())
+    with pytest.raises(RunError, match="its weights are damaged"):
+        networked(Echo(errors=errors / 0))(ball(), [], 2)
 
 
 def test_touches_become_as_many_points_as_the_network_knows():
@@ -80,9 +89,9 @@ def test_a_stored_network_is_the_one_in_memory():
     of = "size", "rate", "any_rate"
     assert [getattr(stored, name) for name in of] == [getattr(memory, name) for name in of] == [512, 16, False]
     touches = [ball(40, 1) * 0.2]
-    np.testing.assert_array_equal(stored(ball(80), touches, 16), memory(ball(80), touches, 16))
+    np.testing.assert_array_equal(stored(ball(80), touches, 16).points, memory(ball(80), touches, 16).points)
 
 
 @pytest.mark.parametrize(("rate", "made"), [(4, 4), (8, 16)])
 def test_interpolation_gives_as_many_for_each_as_are_asked_for_or_more(rate, made):
-    assert Midpoints()(ball(), [], rate).shape == (64 * made, 3)
+    assert Midpoints()(ball(), [], rate).points.shape == (64 * made, 3)

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pcsr.upsample import densify
-from pcsr.upsample.candidates import Midpoints
-from pcsr.upsample.patch import BORDER, _competing
+from pcsr.upsample.candidates import Generated, Midpoints
+from pcsr.upsample.patch import BORDER, Task, _competing, fill
 
 SOURCE = Midpoints(size=256, rate=16)
 
@@ -68,7 +68,7 @@ class Touched(Midpoints):
 
     def __call__(self, points, touches, rate):
         inserted = np.concatenate([np.zeros((0, 3)), *touches]).astype(np.float32).astype(np.float64)
-        return np.concatenate([super().__call__(points, (), rate), inserted])
+        return Generated.of(np.concatenate([super().__call__(points, (), rate).points, inserted]))
 
 
 def off(cloud, touch):
@@ -117,3 +117,26 @@ def test_candidates_compete_at_points_of_the_core_and_those_next_to_it(core):
     away = np.linalg.norm(cloud[:, None] - cloud[:core], axis=2).min(1)
     np.testing.assert_array_equal(competing, away <= BORDER * 0.05)
     assert competing.sum() == 400 if core == 400 else core < competing.sum() < 200
+
+
+class Corrected(Midpoints):
+    """Interpolation, and a copy of each point in the plane z = 0, all of them with errors."""
+
+    corrects_points = True
+
+    def __call__(self, points, touches, rate):
+        made = super().__call__(points, touches, rate).points
+        return Generated(np.concatenate([points * [1, 1, 0], made * [1, 1, 0]]), np.full(len(points) + len(made), 0.1))
+
+
+def test_copies_take_the_place_of_points_that_an_earlier_pass_generated():
+    points = square(300)
+    generated = square(300, seed=1) + np.array([0, 0, 0.02])
+    every = np.concatenate([points, generated])
+    fixed = np.arange(600) < 300
+    for source, corrected in ((Corrected(size=600), True), (Midpoints(size=600), False)):
+        task = Task(every, 600, fixed, np.zeros((600, 3)), [], 900, 4)
+        new = fill(source, task)
+        raw = cKDTree(new).query(generated)[0] < 1e-5
+        assert raw.any() != corrected
+        assert len(new) == 900

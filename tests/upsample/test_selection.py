@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.upsample.gaps import spacing
-from pcsr.upsample.selection import pattern, spread_out
+from pcsr.upsample.selection import CAUTION, caution, pattern, spread_out
 
 
 def slowly(candidates, known, mine, count, lengths=None):
@@ -115,3 +115,26 @@ def test_lengths_change_with_the_order_and_size_of_the_cloud_alike():
     order = rng.permutation(len(cloud))
     lengths = pattern(cloud, spacing(cloud))
     np.testing.assert_allclose(pattern(9 * cloud[order], spacing(9 * cloud[order])), lengths[order], rtol=1e-9)
+
+
+def test_without_predicted_errors_all_candidates_are_equal():
+    assert (caution(np.zeros(5), np.array([0, 0, 1, 1, 1]), np.ones(2)) == 1).all()
+
+
+@given(seed=st.integers(0, 500), scale=st.floats(0.01, 100))
+def test_caution_grows_with_the_error_in_spacings_and_is_one_on_average_around_each_point(seed, scale):
+    rng = np.random.default_rng(seed)
+    nearest, errors, unit = rng.integers(0, 6, 60), rng.uniform(0, 1, 60), rng.uniform(0.5, 2, 6)
+    factors = caution(errors, nearest, unit)
+    for point in np.unique(nearest):
+        own = nearest == point
+        slow = 1 + CAUTION * errors[own] / unit[point]
+        np.testing.assert_allclose(factors[own], slow / slow.mean())
+    np.testing.assert_allclose(caution(scale * errors, nearest, scale * unit), factors)
+
+
+def test_of_two_candidates_as_far_the_one_of_less_error_is_chosen():
+    candidates = np.array([[1.0, 0.01, 0], [1.0, -0.01, 0], [-1.0, 0, 0]])
+    lengths = caution(np.array([0.5, 0.1, 0.1]), np.array([0, 0, 0]), np.ones(1))
+    chosen = spread_out(candidates, np.linalg.norm(candidates, axis=1), np.ones(3, bool), 2, lengths)
+    assert sorted(chosen) == [1, 2]
