@@ -76,8 +76,8 @@ class SortedCloud:
 
 
 def _nearest(
-    tables: list[np.ndarray], away: list[Float64[np.ndarray, " n"]], most: int
-) -> tuple[list[np.ndarray], list[Float64[np.ndarray, " n"]]]:
+    tables: list[np.ndarray], away: list[Float64[np.ndarray, " _"]], most: int
+) -> tuple[list[np.ndarray], list[Float64[np.ndarray, " _"]]]:
     """Return at most `most` rows, those nearest to the tile, in the order of the file."""
     table, distance = np.concatenate(tables), np.concatenate(away)
     kept = np.lexsort((table["row"], distance))[:most]

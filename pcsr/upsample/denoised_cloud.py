@@ -18,7 +18,7 @@ COPY = 0.01
 
 def denoise_cloud(
     given: ScreenedCloud,
-    level: bool | float,
+    level: object,
     *,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,

@@ -26,7 +26,7 @@ def test_rules_mark_the_points_that_find_faults_marks():
     for kind, fault in enumerate(harmful):
         rows = np.flatnonzero(kinds == kind)
         np.testing.assert_array_equal(rows, fault.rows)
-        assert rules.sentence(kind, len(rows), len(points), rows[0], points[rows[0]]) == fault.sentence
+        assert rules.sentence(kind, len(rows), len(points), int(rows[0]), points[rows[0]]) == fault.sentence
     assert (kinds == HEALTHY).sum() == len(points) - sum(len(fault.rows) for fault in harmful)
 
 
