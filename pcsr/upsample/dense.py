@@ -181,7 +181,8 @@ def _tasks(
     total, before = weight[rows].sum(), 0.0
     for patch in patches(cloud, source.size, core_size(source.size), rows):
         points = cloud[patch.rows]
-        after = before + weight[patch.rows[: patch.core]].sum()
+        of_core = weight[patch.rows[: patch.core]]
+        after = before + of_core.sum()
         share = round(after / total * plan.new) - round(before / total * plan.new)
         before = after
         cores.append(patch.core)
@@ -189,7 +190,7 @@ def _tasks(
         around = np.zeros((len(points), 3))
         known = patch.rows < len(normals)
         around[known] = normals[patch.rows[known]]
-        yield Task(points, patch.core, patch.rows < fixed, around, nearby, share, plan.rate)
+        yield Task(points, patch.core, patch.rows < fixed, around, nearby, share, of_core, plan.rate)
 
 
 def core_size(size: int) -> int:

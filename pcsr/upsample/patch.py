@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.geometry.frames import OwnFrame
+from pcsr.geometry.patches import cells
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
@@ -17,6 +18,8 @@ from pcsr.upsample.rejection import few_each, isolation, on_planes
 from pcsr.upsample.selection import caution, pattern, spread_out
 from pcsr.upsample.wires import chords, on_wires
 
+CELL = 64
+"""Largest number of points in a cell of a core. Each cell gets its share of the new points, as each core does."""
 BORDER = 1.5
 """Candidates at points of the margin compete if these are no more than `BORDER` spacings from the core."""
 
@@ -37,6 +40,8 @@ class Task:
     """Touched points near the patch."""
     count: int
     """Number of new points of the core."""
+    weights: Float[np.ndarray, " core"]
+    """Weights of the core's points in the shares of its cells."""
     rate: int
     """Candidates for each point."""
 
@@ -76,12 +81,27 @@ def fill(source: Candidates, task: Task) -> CloudArray:
     nearest = np.concatenate([np.flatnonzero(free), nearest[kept]])
     away = distance[kept] if fixed.all() else cKDTree(points[fixed]).query(candidates)[0] if fixed.any() else None
     lengths = pattern(cloud, unit)[nearest] * caution(errors, nearest, unit)
-    chosen = spread_out(candidates, away, nearest < task.core, task.count, lengths)
+    cell, quotas = _quotas(points[: task.core], task.weights[order[: task.core]], task.count)
+    of_cell = np.append(cell, -1)[np.minimum(nearest, task.core)]
+    chosen = spread_out(candidates, away, of_cell, quotas, lengths)
     new = candidates[chosen]
     if (unit > 0).all():
         predicted = ~touched[chosen]
         new[predicted] = Quadrics.fit(cloud, unit).displaced(new[predicted])
     return frame.denormalize(np.concatenate([new, between(cloud, task.core, task.count - len(new))]))
+
+
+def _quotas(
+    core: CloudArray, weights: Float[np.ndarray, " n"], count: int
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " k"]]:
+    """Divide a core into cells, and return the cell of each point and the number of new points of each cell."""
+    cell = np.zeros(len(core), np.int64)
+    sums = []
+    for number, rows in enumerate(cells(core, CELL)):
+        cell[rows] = number
+        sums.append(weights[rows].sum())
+    ends = np.round(np.cumsum(sums) / sum(sums) * count).astype(np.int64)
+    return cell, np.diff(ends, prepend=0)
 
 
 def _competing(points: CloudArray, core: int, unit: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

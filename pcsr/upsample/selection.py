@@ -4,7 +4,7 @@ import math
 from bisect import bisect_left, bisect_right
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from pcsr.upsample.neighbours import Cloud, Neighbours
 
@@ -62,14 +62,14 @@ def caution(
 def spread_out(
     candidates: Float[np.ndarray, "c 3"],
     distance: Float[np.ndarray, " c"] | None,
-    core: Bool[np.ndarray, " c"],
-    count: int,
+    cell: Int[np.ndarray, " c"],
+    quotas: Int[np.ndarray, " k"],
     lengths: Float[np.ndarray, " c"] | None = None,
 ) -> Int[np.ndarray, " chosen"]:
-    """Choose candidates by farthest point sampling from existing points, until `count` of the core are chosen.
+    """Choose candidates by farthest point sampling from existing points, until each cell of a patch has its quota.
 
-    Candidates of neighbouring patches compete but do not count towards `count`; otherwise points pile up at the borders
-    of patches. Of equally far candidates the first along x is chosen.
+    Candidates of neighbouring patches compete but do not count; otherwise points pile up at the borders of patches. Of
+    equally far candidates the first along x is chosen.
 
     No candidate is farther from the chosen points than the one that is chosen next. Choosing it thus changes
     no distance of candidates that differ from it by more than that along x, and only the slab in between is updated.
@@ -79,20 +79,22 @@ def spread_out(
             precision.
         distance: of each candidate to the nearest existing point, (c). None: there are no points, and the candidate
             farthest from the centre is chosen first.
-        core: whether a candidate belongs to the core of its patch, (c).
-        count: number of candidates of the core to choose.
+        cell: index of the cell that a candidate belongs to, (c); -1 for one of a neighbouring patch.
+        quotas: number of candidates to choose in each cell, (k).
         lengths: unit of each candidate's distances, (c), positive; 1 by default.
 
     Returns:
-        Indices of the chosen candidates of the core: `count` of them, or all if there are fewer.
+        Indices of the chosen candidates: as many of each cell as its quota, or all if there are fewer.
     """
-    count = min(count, int(core.sum()))
-    if count == 0:
+    left = np.minimum(quotas, np.bincount(cell[cell >= 0], minlength=len(quotas))).tolist()
+    missing = sum(left)
+    if missing == 0:
         return np.zeros(0, np.int64)
     along = np.argsort(candidates[:, 0], kind="stable")
     sorted_ones = candidates[along]
     axes = np.ascontiguousarray((sorted_ones - sorted_ones.mean(0)).T, np.float32)
-    x, in_core = axes[0].tolist(), core[along].tolist()
+    x, cells = axes[0].tolist(), cell[along]
+    cell_of = cells.tolist()
     longest = 1.0 if lengths is None else float(lengths.max())
     inverse = None if lengths is None else (lengths[along] ** -2).astype(np.float32)
     if distance is None:
@@ -105,9 +107,11 @@ def spread_out(
         last = int(squared.argmax())
     chosen: list[int] = []
     while True:
-        if in_core[last]:
+        own = cell_of[last]
+        if own >= 0:
             chosen.append(last)
-            if len(chosen) == count:
+            left[own] -= 1
+            if len(chosen) == missing:
                 return along[chosen]
         reach = SLACK * longest * math.sqrt(squared[last])
         slab = slice(bisect_left(x, x[last] - reach), bisect_right(x, x[last] + reach))
@@ -118,4 +122,6 @@ def spread_out(
             away *= inverse[slab]
         np.minimum(squared[slab], away, out=squared[slab])
         squared[last] = -1  # not chosen again, even if all other candidates coincide with chosen ones
+        if own >= 0 and left[own] == 0:
+            squared[cells == own] = -1
         last = int(squared.argmax())

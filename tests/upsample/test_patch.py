@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.upsample import densify
 from pcsr.upsample.candidates import Generated, Midpoints
-from pcsr.upsample.patch import BORDER, Task, _competing, fill
+from pcsr.upsample.patch import BORDER, CELL, Task, _competing, _quotas, fill
 
 SOURCE = Midpoints(size=256, rate=16)
 
@@ -135,8 +135,17 @@ def test_copies_take_the_place_of_points_that_an_earlier_pass_generated():
     every = np.concatenate([points, generated])
     fixed = np.arange(600) < 300
     for source, corrected in ((Corrected(size=600), True), (Midpoints(size=600), False)):
-        task = Task(every, 600, fixed, np.zeros((600, 3)), [], 900, 4)
+        task = Task(every, 600, fixed, np.zeros((600, 3)), [], 900, np.ones(600), 4)
         new = fill(source, task)
         raw = cKDTree(new).query(generated)[0] < 1e-5
         assert raw.any() != corrected
         assert len(new) == 900
+
+
+def test_each_cell_of_a_core_gets_its_share():
+    rng = np.random.default_rng(0)
+    core, weights = rng.normal(size=(700, 3)), rng.uniform(0.5, 2, 700)
+    cell, quotas = _quotas(core, weights, 1000)
+    assert quotas.sum() == 1000
+    assert np.bincount(cell).max() <= CELL
+    np.testing.assert_allclose(quotas, 1000 * np.bincount(cell, weights) / weights.sum(), atol=1)

@@ -52,9 +52,8 @@ def _patch(
     some = min(n, math.ceil(MARGIN * n / GROWTH))
     rows = (points - middle).norm(dim=1).topk(some, largest=False).indices
     cloud, candidates = points[rows].cpu().numpy(), dense[rows, -GROWTH * 2 :].flatten(0, 1).cpu().numpy()
-    chosen = spread_out(
-        candidates, cKDTree(cloud).query(candidates)[0], np.ones(len(candidates), bool), (GROWTH - 1) * some
-    )
+    away = cKDTree(cloud).query(candidates)[0]
+    chosen = spread_out(candidates, away, np.zeros(len(candidates), np.int64), np.array([(GROWTH - 1) * some]))
     grown = torch.from_numpy(np.concatenate([cloud, candidates[chosen]]))
     patch = grown[(grown - middle.cpu()).norm(dim=1).topk(min(n, len(grown)), largest=False).indices]
     sphere = UnitSphere.fit(patch.numpy())
