@@ -97,14 +97,16 @@ def spread_out(
     cell_of = cells.tolist()
     longest = 1.0 if lengths is None else float(lengths.max())
     inverse = None if lengths is None else (lengths[along] ** -2).astype(np.float32)
+    closed = np.append(np.equal(left, 0), False)[cells]  # -1, the cell of others, is the last: never closed
     if distance is None:
         squared = np.full(len(along), np.inf, np.float32)
-        last = int(np.square(axes).sum(0).argmax())
+        last = int(np.where(closed, -1, np.square(axes).sum(0)).argmax())
     else:
         squared = np.square(distance[along]).astype(np.float32)
         if inverse is not None:
             squared *= inverse
-        last = int(squared.argmax())
+        last = int(np.where(closed, -1, squared).argmax())
+    squared[closed] = -1
     chosen: list[int] = []
     while True:
         own = cell_of[last]
