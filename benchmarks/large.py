@@ -30,6 +30,7 @@ from pcsr.streaming.examples import deciding, joined
 from pcsr.streaming.tiles import depth_for
 from pcsr.streaming.upsampling import TILE
 from pcsr.streaming.work_folder import SUFFIX
+from pcsr.weights import DEFAULT
 
 COLUMNS = ("points", "processes", "seconds", "new points a second", "peak memory of all processes", "bytes")
 CHUNK = 1 << 18
@@ -99,7 +100,7 @@ def killed(command: list[str], out: Path, share: float, tiles: int) -> None:
 @click.command()
 @click.argument("counts", type=int, nargs=-1, required=True)
 @click.option("--jobs", default=1, show_default=True)
-@click.option("--model", default="frames", show_default=True)
+@click.option("--model", default=DEFAULT, show_default=True)
 @click.option("--rate", default=4.0, show_default=True)
 @click.option("--format", "kind", default="las", show_default=True, help="las, laz, ply or npy, of IN and OUT.")
 @click.option("--folder", type=click.Path(path_type=Path), default=None, help="Where the files lie.")

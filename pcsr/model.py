@@ -156,8 +156,8 @@ def load(
     """Load a model.
 
     Args:
-        model: a name (`frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
-            file, or `org/name` on the Hugging Face hub (extra `[hub]`); `frames` by default.
+        model: a name (`field`, `frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
+            file, or `org/name` on the Hugging Face hub (extra `[hub]`); `field` by default.
         plugins: plugin files with parts that the weights need.
         device: torch device of the network.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 )
 @DENOISE
 @click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
-@click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: frames]")
+@click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: field]")
 @click.option(
     "--mesh",
     type=FILE,

@@ -38,8 +38,9 @@ def load_model(model: str | None, plugins: tuple[Path, ...], device: str) -> "Mo
         return load(model, plugins=plugins, device=name)
     except UserError as error:
         from pcsr.validation_messages import shown
+        from pcsr.weights import DEFAULT
 
-        raise UserError(f"--model {shown(model or 'frames')}: {error}") from error
+        raise UserError(f"--model {shown(model or DEFAULT)}: {error}") from error
 
 
 def checked_device(name: str) -> str:

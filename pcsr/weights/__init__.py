@@ -4,7 +4,7 @@ from pathlib import Path
 
 WEIGHTS = "weights.safetensors"
 """Name of the weights file in a run folder and on the Hugging Face hub."""
-DEFAULT = "frames"
+DEFAULT = "field"
 """Name of the shipped weights that are used by default."""
 SHA256_IN_0_1 = {
     "88463c1af9ade156aac6a52c943aef9316dc68343c3c1587b333359fe484be05": "a48aff982cb3c3c4929fdff8dfb8fc08ced219945f87b808b32c0f48102fd98d",  # noqa: E501
