@@ -76,7 +76,7 @@ class Model:
         keep: bool = True,
         fields: Sequence[str] = (),
         bad: Bad = "refuse",
-        denoise: bool | float = False,
+        denoise: bool | int | float = False,
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -156,8 +156,8 @@ def load(
     """Load a model.
 
     Args:
-        model: a name (`field`, `frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a weights
-            file, or `org/name` on the Hugging Face hub (extra `[hub]`); `field` by default.
+        model: a name (`field`, `frames`, `tapsr`, `pu-transformer`, or `midpoint` for interpolation), a run folder, a
+            weights file, or `org/name` on the Hugging Face hub (extra `[hub]`); `field` by default.
         plugins: plugin files with parts that the weights need.
         device: torch device of the network.
 

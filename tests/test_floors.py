@@ -13,6 +13,7 @@ FLOORS = {
     "pcsr.report": 5,
     "pcsr.model": 5,
     "pcsr.export": 5,
+    "pcsr.streaming": 6,
     "pcsr.results": 2,
     "pcsr.run_files": 3,
     "pcsr.upsample": 4,

@@ -149,8 +149,8 @@ def test_what_is_no_cloud_is_named(interpolation, points, said):
 
 
 def test_models_are_found_by_name_folder_and_file(tmp_path, default):
-    shutil.copy(shipped("frames"), tmp_path / "weights.safetensors")
-    for model in ("frames", tmp_path, str(tmp_path), tmp_path / "weights.safetensors"):
+    shutil.copy(shipped("field"), tmp_path / "weights.safetensors")
+    for model in ("field", tmp_path, str(tmp_path), tmp_path / "weights.safetensors"):
         loaded = load(model)
         assert loaded.network is not None
         assert not loaded.network.training

@@ -58,7 +58,9 @@ def is_streamed(
     if not obstacle and (asked or _is_chunked(cloud, suffix)):
         try:
             count = open_chunks(cloud, suffix).count
-        except UserError:
+        except (UserError, OSError) as error:
+            if asked and isinstance(error, OSError):
+                raise UserError(f"--stream: {cloud} cannot be read in parts: {error.strerror}") from error
             if asked:
                 raise
             return False  # the reader for clouds in memory reports what is wrong

@@ -88,6 +88,14 @@ def call(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> Tensor:
     return output
 
 
+def outputs(module: nn.Module, rate: int, tensors: Mapping[str, Tensor]) -> list[Tensor]:
+    """Call a part and return its outputs: of an upsampler that predicts errors, these too."""
+    if isinstance(module, Upsampler):
+        dense, errors = module.with_errors(tensors["points"], tensors["features"], rate)
+        return [dense] if errors is None else [dense, errors]
+    return [call(module, rate, tensors)]
+
+
 def rows(tensors: Given, which: slice) -> Given:
     """Select clouds of a batch."""
     return {name: tensor[which] for name, tensor in tensors.items()}

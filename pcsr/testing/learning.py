@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from pcsr.testing.check import Skipped
-from pcsr.testing.inputs import FEW, call, given, learns_from
+from pcsr.testing.inputs import FEW, call, given, learns_from, outputs
 from pcsr.testing.stop_gradient import slopes
 from pcsr.testing.subject import Subject
 
@@ -30,9 +30,9 @@ def gradients(subject: Subject) -> None:
         tensors = given(module, subject.widths, seed=draw)
         learned = {name: tensors[name].requires_grad_() for name in learns_from(module)}
         must |= learned.keys() | layers(module).keys()
-        output = call(module, subject.widths.rate, tensors)
-        if output.requires_grad:
-            torch.autograd.backward((output * torch.randn_like(output)).sum())
+        for output in outputs(module, subject.widths.rate, tensors):
+            if output.requires_grad:
+                torch.autograd.backward((output * torch.randn_like(output)).sum(), retain_graph=True)
         reached |= arrived(subject, {**{name: [t] for name, t in learned.items()}, **layers(module)})
         if not must - reached:
             break

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.geometry.frames import OwnFrame
 from pcsr.geometry.patches import cells
+from pcsr.geometry.spread_out import spread_out
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
 from pcsr.upsample.candidates import Candidates
@@ -15,7 +16,7 @@ from pcsr.upsample.gaps import between, spacing, strays, touched_ones, within_re
 from pcsr.upsample.neighbours import Neighbours
 from pcsr.upsample.noise import Quadrics
 from pcsr.upsample.rejection import few_each, isolation, on_planes
-from pcsr.upsample.selection import caution, pattern, spread_out
+from pcsr.upsample.selection import caution, pattern
 from pcsr.upsample.wires import chords, on_wires
 
 CELL = 64

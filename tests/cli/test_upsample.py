@@ -48,7 +48,7 @@ def scan(tmp_path):
 def test_as_many_points_come_out_as_were_asked_for(scan, tmp_path, arguments, count):
     done = run("upsample", scan, "-o", tmp_path / "out.ply", *arguments)
     assert done.exit_code == 0, done.output
-    assert f"80 points to {count} by frames in " in done.output
+    assert f"80 points to {count} by field in " in done.output
     dense, given = read_cloud(tmp_path / "out.ply"), read_cloud(scan)
     assert len(dense) == count
     np.testing.assert_array_equal(dense.points[:80], given.points)
@@ -124,7 +124,7 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches")
     assert (plain.exit_code, done.exit_code) == (0, 0), done.output
     assert "touch 1.ply is skipped: " in done.output
-    assert "80 points and 1 of 2 touches to 160 by frames" in done.output
+    assert "80 points and 1 of 2 touches to 160 by field" in done.output
     assert not np.array_equal(read_points(tmp_path / "plain.npy"), read_points(tmp_path / "out.npy"))
 
 
@@ -232,7 +232,7 @@ def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path
     assert len(done.output.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("model", ["frames", "midpoint"])
+@pytest.mark.parametrize("model", ["field", "midpoint"])
 @pytest.mark.parametrize("touched", [False, True])
 def test_the_command_and_python_give_the_same_bytes(tmp_path, model, touched):
     cloud, touches = bowl(), [Touch.single(bowl(400, 1)[:60], None, 1.0, "digit")] if touched else []

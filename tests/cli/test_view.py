@@ -143,10 +143,6 @@ def test_the_columns_of_text_are_named(view):
     done = view("dense.ply", "rows.txt", "--before", "rows.txt", *names)
     assert (done.exit_code, done.stderr) == (0, "")
     assert done.stdout.splitlines()[:2] == ["dense.ply, 100 points: 25 old, 75 new", "rows.txt, 25 points: 25 old"]
-    content = Path("rows.txt").read_bytes()
-    piped = view("-", "--format", "txt", "--before", "scan.ply", *names, input=content)
-    assert piped.exit_code == 0, piped.output
-    assert piped.stdout.splitlines()[0] == "standard input, 25 points: 25 old"
 
 
 def test_files_of_the_same_name_are_distinguished(view):

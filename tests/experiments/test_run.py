@@ -65,7 +65,7 @@ def test_shipped_weights_are_those_of_their_recipe(name, registry):
     (written,) = load(ROOT / f"pcsr/recipes/shipped/{name}.yaml", registry)
     assert (recipe.model, recipe.train, recipe.seed) == (written.model, written.train, written.seed)
     assert card["fingerprint"] == recipe.fingerprint
-    assert len(card["data"]) == len(recipe.joined) == (4 if name == "field" else 3)  # of each data set what it is, for the model card
+    assert len(card["data"]) == len(recipe.joined) == (4 if name == "field" else 3), "each data set, for the model card"
     assert path.stat().st_size < 8e6
 
 

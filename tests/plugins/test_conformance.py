@@ -34,6 +34,7 @@ def given(tmp_path_factory):
         ("shapes", "meshes"): {"folder": str(meshes)},
         ("touch", "recorded"): {"folder": str(recording)},
         ("objective", "grad-pu"): {"upsampler": PARTS.get(("upsampler", "descent"))},
+        ("objective", "surface-passes"): {"upsampler": PARTS.get(("upsampler", "rated-edges"))},
     }
 
 

@@ -58,6 +58,7 @@ def test_defaults_are_filled_in(write, registry):
             "augment": ["redraw", "even", "rotate", "scale", "jitter"],
             "touches": None,
             "precision": "32-true",
+            "start": None,
         },
         "weights": None,
         "joined": [],

@@ -112,7 +112,7 @@ BROKEN = [
     ("options", WrongDefault, "defaults are {'channels': 6.5}, which fail"),
     ("options", StrangePlaces, r"`path_options` names \['folder'\]"),
     ("options", VersionZero, "`version` is 0"),
-    ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of permutation-equivariant"),
+    ("options", TouchesOfAnEncoder, "its class claims .*expected is a frozenset of local, permutation-equivariant"),
     ("options", TupleOfTraits, "its class claims"),
     ("options", StandsStill, "`lr_multiplier` is 0.0"),
     ("unknown-options", Swallows, r"accepts an unknown option.*\*\*kwargs"),

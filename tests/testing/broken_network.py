@@ -281,6 +281,10 @@ class ClaimsAnyRate(Copy):
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.ANY_RATE})
 
 
+class ClaimsLocal(Lift):
+    traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL})
+
+
 class AlwaysItsOwnRate(Copy):
     def forward(self, points, features, rate):
         return super().forward(points, features, self.rate)
@@ -350,6 +354,7 @@ BROKEN = [
     ("stages", ResultFirst, r"stages have \[1024, 512\] points"),
     ("stages", NoList, "its `stages` gives Tensor"),
     ("stages", ChannelsFirstStage, r"its stages have the shapes \[\(3, 3, 512\)"),
+    ("trait-local", ClaimsLocal, "claims 'local', but at half of the size and beside a cloud far away the result is"),
     ("trait-any-rate", ClaimsAnyRate, "claims 'any-rate', but refuses rate 2"),
     ("trait-any-rate", AlwaysItsOwnRate, "at rate 5 it makes 512 points of 128"),
     ("trait-any-rate", RefusesARateNamelessly, "refuses with 'another rate'"),

@@ -31,7 +31,14 @@ def test_a_sound_part_passes_every_check(part):
     outcomes = check_part(part)
     assert [one for one in outcomes if one.result == "failed"] == []
     skipped = {one.check for one in outcomes if one.result == "skipped"}
-    wanted = {Attend: {"ragged-join"}, Join: {"gradcheck", "export"}, Copy: {"trait-any-rate"}}
+    local = {"trait-local"}
+    wanted = {
+        Attend: {"ragged-join"},
+        Join: {"gradcheck", "export"},
+        Lift: local,
+        Refine: local,
+        Copy: {"trait-any-rate", *local},
+    }
     assert skipped - {"gradcheck"} == wanted.get(part, set()) - {"gradcheck"}
 
 
@@ -183,7 +190,7 @@ def test_options_are_given_to_the_part_in_every_check():
         def __init__(self, widths, *, channels: int) -> None:
             super().__init__(widths, channels=channels)
 
-    assert [one for one in check_part(Needy, channels=4) if one.result != "passed"] == []
+    assert [one for one in check_part(Needy, channels=4) if one.result != "passed" and one.check != "trait-local"] == []
 
 
 def test_checks_leave_torchs_random_numbers_as_they_were():

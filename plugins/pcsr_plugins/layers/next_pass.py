@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from pcsr.geometry.frames import UnitSphere
+from pcsr.geometry.spread_out import spread_out
 from pcsr.tensors import Points
-from pcsr.upsample.selection import spread_out
 
 GROWTH = 4
 """Points of the next pass for each point, as in `pcsr.upsample.dense`."""

@@ -9,12 +9,12 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from pcsr import TouchBatch, UserError
+from pcsr import Objective, TouchBatch, UserError
 from pcsr.contracts import UpsamplingNetwork
 from pcsr.tensors import Points
 from pcsr_plugins.layers.next_pass import CORE, GROWTH, next_pass
 from pcsr_plugins.layers.options import Weight
-from pcsr_plugins.objectives.surface import Surface, coverage, distances
+from pcsr_plugins.layers.surface_distances import coverage, distances
 
 RATE = 8
 """Rate of a pass in training: that of the last pass of `pcsr upsample` (`pcsr.upsample.dense.LAST_RATE`)."""
@@ -27,7 +27,7 @@ LARGEST = 1.0
 """Largest error that a prediction is trained on, in radii."""
 
 
-class SurfacePasses(Surface):
+class SurfacePasses(Objective):
     """Coverage, distance to the surface and stray points of two passes, and the mismatch of predicted errors."""
 
     def __init__(self, *, surface: Weight = 2.0, stray: Weight = 10.0, error: Weight = 0.003) -> None:
@@ -38,8 +38,8 @@ class SurfacePasses(Surface):
             stray: of the squared distance beyond the truth's spacing.
             error: of the absolute difference between predicted and true errors.
         """
-        super().__init__(surface=surface, stray=stray)
-        self.error = error
+        super().__init__()
+        self.surface, self.stray, self.error = surface, stray, error
 
     def losses(
         self,

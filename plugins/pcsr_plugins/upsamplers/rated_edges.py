@@ -15,16 +15,16 @@ from torch.nn import functional as F
 
 from pcsr import Widths
 from pcsr.tensors import Dense, Features, Points
+from pcsr_plugins.layers.edge_candidates import EdgeCandidates, Spokes, Surplus
 from pcsr_plugins.layers.heads import displacement_head, zero_linear
 from pcsr_plugins.layers.local_frames import LocalFrames
 from pcsr_plugins.layers.options import Channels, NeighbourCount
-from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets, Spokes, Surplus
 
 BIAS = -3.0
 """Added to predicted errors before the softplus: an untrained network expects 0.05 local spacings."""
 
 
-class RatedEdges(EdgeOffsets):
+class RatedEdges(EdgeCandidates):
     """Displaces points and candidates on their edges, and predicts the distance of each from the surface."""
 
     corrects_points: ClassVar[bool] = True
@@ -38,7 +38,7 @@ class RatedEdges(EdgeOffsets):
         surplus: Surplus = 2.0,
         neighbours: NeighbourCount = 16,
     ) -> None:
-        """Choose how many candidates there are. Arguments are those of `EdgeOffsets`."""
+        """Choose how many candidates there are. Arguments are those of `EdgeCandidates`."""
         super().__init__(widths, hidden=hidden, spokes=spokes, surplus=surplus, neighbours=neighbours)
         self.own = nn.Sequential(nn.Linear(widths.refined, hidden), displacement_head(hidden, 2))
         self.error = zero_linear(hidden, 1)

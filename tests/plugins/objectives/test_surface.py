@@ -12,7 +12,8 @@ from pcsr.metrics.chamfer import chamfer
 from pcsr.metrics.nearest import nearest_squared
 from pcsr_plugins.encoders.local_frames import LocalFrameEncoder
 from pcsr_plugins.fusions.none import NoFusion
-from pcsr_plugins.objectives.surface import AROUND, Surface, planes
+from pcsr_plugins.layers.surface_distances import AROUND, planes
+from pcsr_plugins.objectives.surface import Surface
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import rotation
 

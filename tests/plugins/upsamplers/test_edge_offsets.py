@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from torch import nn
 
 from pcsr import Trait, UserError, Widths
+from pcsr_plugins.layers.edge_candidates import FARTHEST
 from pcsr_plugins.layers.local_frames import LocalFrames
-from pcsr_plugins.upsamplers.edge_offsets import FARTHEST, EdgeOffsets
+from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import grid, rotation, slow_around, slow_edge, slow_frame
 
 CHANNELS = 5
