@@ -89,6 +89,9 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
         section = old.get(str(keys[0]))
         if isinstance(section, dict) and isinstance(section.get(keys[1]), dict):
             section[str(keys[1])] = part_as_in_0_1(kind, section[str(keys[1])])
+    train = old.get("train")
+    if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
+        del train["start"]
     return old
 
 

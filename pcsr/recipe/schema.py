@@ -231,9 +231,8 @@ class Recipe(Section):
             decisive["weights"] = SHA256_IN_0_1.get(self.weights.sha256, self.weights.sha256)
         else:
             decisive["train"] = plain["train"] | {"touches": list(self.touch_range)}
-            start = decisive["train"].pop("start")
-            if start:
-                decisive["train"]["start"] = start["sha256"]
+            if self.train.start:
+                decisive["train"]["start"] = self.train.start.sha256
         if self.joined:
             decisive["joined"] = plain["joined"]
         if self.patches:

@@ -160,7 +160,7 @@ def test_an_old_key_on_the_command_line_wins_over_an_old_matrix(registry):
 
 
 def test_shipped_weights_count_as_those_of_0_1(registry, tmp_path):
-    assert {sha256(shipped(name)) for name in names()} == set(SHA256_IN_0_1)
+    assert {sha256(shipped(name)) for name in names() if name != "field"} == set(SHA256_IN_0_1), "field is of 0.3"
     path = tmp_path / "weights.yaml"
     written = "a48aff982cb3c3c4929fdff8dfb8fc08ced219945f87b808b32c0f48102fd98d"  # as in a run folder of 0.1
     path.write_text(f"name: finished\nweights: {{use: frames, sha256: {written}}}")

@@ -86,13 +86,18 @@ def test_evaluation_in_single_precision_is_that_of_the_same_numbers_in_double():
     np.testing.assert_array_equal(dense, upsample_as(recipe, network, points.astype(float), [contact.astype(float)]))
 
 
-def test_patches_have_the_size_of_the_training():
-    trained, network = made("frames", "data.points=32")
-    recipe, _ = made("frames", "data.points=256")
+def test_patches_have_the_size_of_the_training_unless_all_parts_are_local():
+    trained, network = made("frames", "data.points=32", "model.encoder=mlp")
+    recipe, _ = made("frames", "data.points=256", "model.encoder=mlp")
     points = dome(256)
     dense = upsample_as(recipe, network, points, trained=trained)
     np.testing.assert_array_equal(dense, model(trained, network).upsample(points, rate=4))
     assert not np.array_equal(dense, upsample_as(recipe, network, points))
+    trained, network = made("frames", "data.points=32")
+    recipe, _ = made("frames", "data.points=256")
+    np.testing.assert_array_equal(
+        upsample_as(recipe, network, points, trained=trained), upsample_as(recipe, network, points)
+    )
 
 
 def test_a_network_of_one_rate_gets_the_whole_cloud():
