@@ -1,11 +1,17 @@
 """The landscape of the benchmark of large clouds."""
 
-import large
+import importlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pcsr.clouds.faults import find_faults
 from pcsr.clouds.formats import read_cloud
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    large = importlib.import_module("large")
 
 
 def test_the_landscape_has_as_many_points_as_asked_for_and_is_always_the_same(tmp_path, monkeypatch):

@@ -52,4 +52,4 @@ def test_only_what_is_near_is_heard():
 def test_channels_and_traits_are_as_claimed():
     backbone = LocalFrameBackbone(Widths(visual=24))
     assert backbone.channels == 24
-    assert backbone.traits == {Trait.PERMUTATION_EQUIVARIANT}
+    assert backbone.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL}

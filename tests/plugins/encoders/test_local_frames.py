@@ -20,7 +20,7 @@ def test_channels_are_those_asked_for_and_traits_as_claimed():
     encoder = LocalFrameEncoder(Widths(), channels=24)
     assert encoder(curved().float()).shape == (2, 60, 24)
     assert encoder.channels == 24
-    assert encoder.traits == {Trait.PERMUTATION_EQUIVARIANT}
+    assert encoder.traits == {Trait.PERMUTATION_EQUIVARIANT, Trait.LOCAL}
 
 
 @torch.no_grad()

@@ -126,20 +126,6 @@ def test_gradients_are_finite_where_points_coincide(target):
     assert prediction.grad.isfinite().all()
 
 
-def test_normals_are_those_of_the_plane_and_of_the_sphere_and_spacing_is_the_nearest_points():
-    target, normal, _ = patch()
-    torch.testing.assert_close((planes(target)[0] @ normal).abs(), torch.ones(1, 300), atol=1e-5, rtol=0)
-    ball = sphere(n=2000).requires_grad_()
-    normals, spacing = planes(ball)
-    assert not normals.requires_grad
-    assert not spacing.requires_grad
-    off = (normals * ball).sum(-1).abs().clamp(max=1).acos().rad2deg()
-    assert off.quantile(0.5) < 2
-    assert off.max() < 12
-    even = torch.cartesian_prod(*[torch.arange(5.0)] * 3)[None]
-    torch.testing.assert_close(planes(torch.cat([even, 2 * even]))[1], torch.tensor([[1.0], [2.0]]))
-
-
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_truth_without_a_second_point_is_refused_by_name(count):
     with pytest.raises(UserError, match=rf"objective 'surface' .* the truth has {count} in all: give it more"):
