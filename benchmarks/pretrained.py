@@ -16,7 +16,7 @@ from saved import save
 
 from pcsr.metrics.touch_effect import EFFICIENCY, efficiency
 
-NETWORKS = ("frames", "tapsr", "pu-transformer")
+NETWORKS = ("field", "frames", "tapsr", "pu-transformer")
 
 
 def row(run: dict[str, Any], method: dict[str, Any], name: str) -> list[str]:
