@@ -160,6 +160,8 @@ class Job:
                 yield part
                 done += len(part)
                 advance(done, self.written)
+            if done != self.written:
+                raise ValueError(f"it holds {done} of {self.written} rows")
 
         write_whole(self.target, lambda part: self.writer.write(part, self.written, counted()))
 

@@ -17,7 +17,13 @@ from pcsr.streaming.fingerprint import command_of
 from pcsr.streaming.job import Job, Request
 from pcsr.streaming.sorting import Plan, sort
 from pcsr.streaming.stored import packed
-from pcsr.streaming.work_folder import WorkFolder, check_room, full_disk_explained
+from pcsr.streaming.work_folder import (
+    WorkFolder,
+    check_room,
+    damage_explained,
+    full_disk_explained,
+    refused_without_trace,
+)
 from pcsr.workers import worker_pool
 
 RATE = 4
@@ -112,17 +118,18 @@ def upsample_file(
     growth = rate or (count or RATE * cloud.count) / cloud.count
     command = command_of(model, source, touches, rate=rate, count=count, keep=keep, fields=fields, bad=bad, tile=tile)
     work = WorkFolder(target)
-    with work.opened(command), full_disk_explained(work):
-        saved = work.plan()
-        if saved is None:
-            work.needed = cloud.count * packed(next(cloud.chunks(1)), np.zeros(1, np.int64)).itemsize
-            check_room(work)
-            plan = sort(cloud, work, max(1, min(tile, int(MOST_NEW / growth))), bad, partial(advance, "sorting"))
-        else:
-            plan = Plan.of(saved)
-        job = Job.of(model, cloud, work, plan, target, Request(rate, count, keep, tuple(fields), bad), touches)
-        job.check_room()
-        with worker_pool(jobs, scheduler) as pool:
+    with damage_explained(work), work.opened(command), full_disk_explained(work):
+        with refused_without_trace(work):
+            saved = work.plan()
+            if saved is None:
+                work.needed = cloud.count * packed(next(cloud.chunks(1)), np.zeros(1, np.int64)).itemsize
+                check_room(work)
+                plan = sort(cloud, work, max(1, min(tile, int(MOST_NEW / growth))), bad, partial(advance, "sorting"))
+            else:
+                plan = Plan.of(saved)
+            job = Job.of(model, cloud, work, plan, target, Request(rate, count, keep, tuple(fields), bad), touches)
+            job.check_room()
+        with worker_pool(jobs, scheduler) as pool, refused_without_trace(work):
             job.upsample(pool, partial(advance, "upsampling"))
         job.assemble(partial(advance, "writing"))
     work.remove()

@@ -131,6 +131,36 @@ class WorkFolder:
 
 
 @contextmanager
+def refused_without_trace(work: WorkFolder) -> Iterator[None]:
+    """Remove the folder if a block refuses its input before a tile is finished: the command could never end."""
+    try:
+        yield
+    except UserError:
+        if not any(work.path.glob("new-*.npy")):
+            work.remove()
+        raise
+
+
+@contextmanager
+def damage_explained(work: WorkFolder) -> Iterator[None]:
+    """Turn the errors that damaged files of an earlier folder cause in a block into one that names the remedy.
+
+    Raises:
+        UserError: a file in the folder is damaged or missing.
+    """
+    earlier = work.path.is_dir()
+    try:
+        yield
+    except (ValueError, LookupError, EOFError, TypeError, AttributeError, OSError) as error:
+        own = not isinstance(error, OSError) or str(work.path) in str(error.filename)
+        if not (earlier and own):
+            raise
+        raise UserError(
+            f"{work.path} holds unfinished work of which a file is damaged or missing: remove the folder to begin anew"
+        ) from error
+
+
+@contextmanager
 def full_disk_explained(work: WorkFolder) -> Iterator[None]:
     """Say how much room is needed, if the disk becomes full in a block.
 

@@ -61,7 +61,10 @@ def _checked(level: object, given: ScreenedCloud) -> float:
     remedy = "give the standard deviation of the noise in the cloud's unit, or none to have it estimated"
     if isinstance(level, bool) or not isinstance(level, int | float | np.number):
         raise UserError(f"denoise is {level!r}: it must be True, False or a number: {remedy} (denoise=True)")
-    number = float(level)
+    try:
+        number = float(level)
+    except OverflowError:
+        number = np.inf
     if not 0 < number < np.inf:
         raise UserError(f"--denoise {number:g}: it must be more than 0: {remedy} (denoise=True)")
     if number >= size:

@@ -14,6 +14,7 @@ import pytest
 
 from pcsr import RunError, UserError
 from pcsr.clouds.formats import write_cloud
+from pcsr.errors import PcsrWarning
 from pcsr.streaming import job
 from pcsr.streaming.work_folder import WorkFolder
 from tests.streaming.clouds import sheet, stream, use_small_patches
@@ -148,3 +149,44 @@ def test_other_options_do_not_continue_the_work(scan, tmp_path, monkeypatch):
     write_cloud(scan, sheet(seed=1))
     with pytest.raises(UserError, match="whose input differed"):
         stream(scan, tmp_path / "out.ply")
+
+
+def test_a_command_that_is_refused_leaves_no_folder_behind(scan, tmp_path):
+    cloud = sheet()
+    cloud.points[5] = float("nan")
+    write_cloud(scan, cloud, bad="keep")
+    with pytest.raises(UserError, match="not finite"):
+        stream(scan, tmp_path / "out.ply")
+    assert not (tmp_path / "out.ply.parts").exists()
+    with pytest.warns(PcsrWarning):
+        stream(scan, tmp_path / "out.ply", bad="drop")
+    assert (tmp_path / "out.ply").exists()
+
+
+@pytest.mark.parametrize("file", ["command.json", "plan.json", "tile-000007.npy", "new-000000.npy", "examples.npy"])
+@pytest.mark.parametrize("content", [b"", b"[]", b"\x00garbage", None])
+def test_a_damaged_folder_is_refused_with_the_remedy_and_kept(scan, tmp_path, monkeypatch, file, content):
+    interrupted_at(monkeypatch, "new-", 3, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        stream(scan, tmp_path / "out.ply")
+    damaged = tmp_path / "out.ply.parts" / file
+    assert damaged.exists()
+    if content is None:
+        damaged.write_bytes(damaged.read_bytes()[: damaged.stat().st_size // 2])
+    else:
+        damaged.write_bytes(content)
+    with pytest.raises(UserError, match=r"out.ply.parts holds unfinished work .*(damaged|another command)"):
+        stream(scan, tmp_path / "out.ply")
+    assert not (tmp_path / "out.ply").exists()
+    assert damaged.exists()
+
+
+def test_rows_that_are_missing_at_the_end_are_noticed(scan, tmp_path, monkeypatch):
+    interrupted_at(monkeypatch, "new-", 3, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        stream(scan, tmp_path / "out.ply")
+    finished = WorkFolder(tmp_path / "out.ply")
+    finished.save("new-000000", finished.load("new-000000")[:-1])
+    with pytest.raises(UserError, match="damaged or missing: remove the folder to begin anew"):
+        stream(scan, tmp_path / "out.ply")
+    assert not (tmp_path / "out.ply").exists()
