@@ -39,7 +39,7 @@ def test_the_table_is_written_as_pages_include_it(runs, monkeypatch, tmp_path):
     assert written.keys() == shown.keys()
     assert written["command"] == shown["command"]
     assert written["columns"] == ["method", "cd", "hd", "touch efficiency"]
-    assert written["rows"][0] == ["`frames`", "1.500 ± 0.707", "150.0 ± 70.7", "0.75"]
+    assert written["rows"][0] == ["`field`", "1.500 ± 0.707", "150.0 ± 70.7", "0.75"]
     assert [row[-1] for row in written["rows"][1:]] == ["0.75", "–", ""]
 
 
@@ -47,4 +47,4 @@ def test_a_run_that_is_missing_is_named(runs, tmp_path):
     (tmp_path / "pretrained-tapsr-0123abcd" / "results.json").unlink()
     result = CliRunner().invoke(script.main, [str(runs)])
     assert result.exit_code == 1
-    assert "must hold one run of each of frames, tapsr, pu-transformer: `make run` makes them" in result.output
+    assert "must hold one run of each of field, frames, tapsr, pu-transformer: `make run` makes them" in result.output
