@@ -141,6 +141,10 @@ def _reported_errors(trace: bool = False) -> Iterator[None]:
         if isinstance(error, OSError) and error.errno == errno.EPIPE:
             raise  # the reader of the pipe ended early, as `head` does: click exits quietly
         message, code = explain(error)
+        if isinstance(error, KeyboardInterrupt):
+            # An interrupt that passes through code in a text, as dataclasses and named tuples run it, makes Python end
+            # by the signal, though it is caught. Running another text takes this back.
+            exec("")
         with suppress(OSError):  # the exit code holds even where the message cannot be written
             if trace:
                 traceback.print_exc()
