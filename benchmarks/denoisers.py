@@ -1,4 +1,4 @@
-"""Other ways to denoise a cloud, beside which `pcsr upsample --denoise` is measured."""
+"""Other methods of denoising a cloud, beside which `pcsr upsample --denoise` is measured."""
 
 import numpy as np
 from jaxtyping import Float

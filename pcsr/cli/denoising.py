@@ -97,7 +97,7 @@ def denoised(
             given, level, pool=pool, advance=lambda done, total: progress.update(task, completed=done, total=total)
         )
     if result.level == 0:
-        said = "no noise is found that could be told from details: no point is moved; --denoise SIGMA sets its level"
+        said = "no noise is found that differs from details: no point is moved; --denoise SIGMA sets its level"
     else:
         source = "estimated" if level is True else "given"
         said = f"noise of {result.level:.4g} {source}; {result.moved} points moved by {result.mean:.4g} on average"

@@ -24,7 +24,7 @@ SAMPLE = 20_000
 BATCH = 2048
 """Number of neighbourhoods that are fitted at once. It bounds the memory."""
 LEAST = 0.05
-"""Lower levels, in spacings, are not told from the details of a clean cloud."""
+"""Lower levels, in spacings, are taken for details of a clean cloud."""
 GROWTH = 1.9
 """Larger ratios of the levels of the third and the first neighbourhoods are due to details: noise has the same in both.
 """
@@ -47,7 +47,7 @@ def noise_level(points: Float[np.ndarray, "n 3"]) -> float:
             should follow from the coordinates.
 
     Returns:
-        The level in the unit of the cloud; 0 if there is none that can be told from details, or fewer than 48 points.
+        The level in the unit of the cloud; 0 if there is none that differs from details, or fewer than 48 points.
     """
     tree, level = cKDTree(points), 0.0
     for sizes in SIZES:

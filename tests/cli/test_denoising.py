@@ -52,7 +52,7 @@ def test_without_noise_nothing_moves_and_that_is_said(tmp_path):
     np.save(tmp_path / "in.npy", floor(0.0))
     done = run(tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--denoise")
     assert done.exit_code == 0, done.output
-    assert "no noise is found that could be told from details: no point is moved" in done.stderr
+    assert "no noise is found that differs from details: no point is moved" in done.stderr
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[:400], floor(0.0))
 
 
