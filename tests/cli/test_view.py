@@ -143,6 +143,12 @@ def test_the_columns_of_text_are_named(view):
     done = view("dense.ply", "rows.txt", "--before", "rows.txt", *names)
     assert (done.exit_code, done.stderr) == (0, "")
     assert done.stdout.splitlines()[:2] == ["dense.ply, 100 points: 25 old, 75 new", "rows.txt, 25 points: 25 old"]
+    command = [sys.executable, "-m", "pcsr.cli", "view", "-", "--format", "txt", "--before", "scan.ply", *names]
+    piped = subprocess.run(
+        [*command, "-o", "piped.html"], input=Path("rows.txt").read_bytes(), capture_output=True, check=False
+    )
+    assert piped.returncode == 0, piped.stderr
+    assert piped.stdout.decode().splitlines()[0] == "standard input, 25 points: 25 old"
 
 
 def test_files_of_the_same_name_are_distinguished(view):

@@ -93,6 +93,9 @@ def test_candidates_repeat_points_in_the_place_of_a_missing_touch(clouds):
         own, joined = rows_of(row[:-36]), row[-36:].view(3, 12, 3)
         assert torch.equal(joined[there], touch[there])
         assert rows_of(joined[~there].flatten(0, 1)) <= own
+    net.train()
+    for row, judged in zip(every, net(points, RATE, TouchBatch.of(touches, mask)), strict=True):
+        assert rows_of(judged) <= rows_of(row), "training judges candidates, and no other points"
 
 
 @torch.no_grad()
