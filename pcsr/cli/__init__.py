@@ -12,13 +12,14 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import distributions
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 import click
 
 from pcsr import __version__
 from pcsr.cli import streams
-from pcsr.errors import PcsrError, PcsrWarning, RunError, UserError, did_you_mean
+from pcsr.cli.warnings_shown import own_warnings_by
+from pcsr.errors import PcsrError, RunError, UserError, did_you_mean
 
 GROUP = "pcsr.commands"
 """The entry-point group in which plugins announce commands: `name = "module:click_command"`."""
@@ -158,20 +159,8 @@ def _own_warnings(*, show_all: bool) -> Iterator[None]:
     """Show pcsr's own warnings, one line each, and hide those of other libraries unless `show_all`."""
     with warnings.catch_warnings():
         if not show_all:
-            warnings.showwarning = _show_warning
+            warnings.showwarning = own_warnings_by(lambda text: click.echo(f"pcsr: warning: {text}", err=True))
         yield
-
-
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,  # noqa: ARG001 the signature of `warnings.showwarning`
-    lineno: int,  # noqa: ARG001
-    file: TextIO | None = None,  # noqa: ARG001
-    line: str | None = None,  # noqa: ARG001
-) -> None:
-    if issubclass(category, PcsrWarning):
-        click.echo(f"pcsr: warning: {message}", err=True)
 
 
 def _check_current_folder() -> None:

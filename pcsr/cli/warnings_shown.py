@@ -1,7 +1,7 @@
-"""Warnings of pcsr, shown as yellow lines of the console."""
+"""Warnings of pcsr as lines of their own, without those of other libraries."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
@@ -27,6 +27,16 @@ def yellow_warnings(console: "Console") -> Iterator[None]:
 @contextmanager
 def yellow_warnings_at_once(console: "Console") -> Iterator[None]:
     """Print pcsr's warnings as yellow lines when they arise, since the block may take hours."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PcsrWarning)
+        warnings.showwarning = own_warnings_by(
+            lambda text: console.print(text, style="yellow", markup=False, soft_wrap=True)
+        )
+        yield
+
+
+def own_warnings_by(put: Callable[[str], None]) -> Callable[..., None]:
+    """Return a function in place of `warnings.showwarning` that gives the texts of pcsr's warnings alone to `put`."""
 
     def show(
         message: Warning | str,
@@ -37,9 +47,6 @@ def yellow_warnings_at_once(console: "Console") -> Iterator[None]:
         line: str | None = None,  # noqa: ARG001
     ) -> None:
         if issubclass(category, PcsrWarning):
-            console.print(str(message), style="yellow", markup=False, soft_wrap=True)
+            put(str(message))
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", PcsrWarning)
-        warnings.showwarning = show
-        yield
+    return show
