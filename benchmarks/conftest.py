@@ -20,7 +20,9 @@ COLUMNS = ("what", "ours", "usual", "usual ÷ ours", "limit", "ours ÷ limit")
 
 
 def pytest_addoption(parser):
-    parser.addoption("--save", action="store_true", help="write docs/numbers/bench.json")
+    parser.addoption(
+        "--save", metavar="NAME", help="write docs/numbers/NAME.json: bench for all, speed for test_speed.py"
+    )
 
 
 @pytest.fixture
@@ -48,8 +50,9 @@ def pytest_terminal_summary(config):
     if lines:
         rows = [_row(what, line) for what, line in lines.items()]
         Console(width=160).print(_table(rows))
-        if config.getoption("--save"):
-            save("bench", 'make bench ARGS="benchmarks --save"', COLUMNS, [row[: len(COLUMNS)] for row in rows])
+        if name := config.getoption("--save"):
+            files = " ".join(config.invocation_params.args[:1])
+            save(name, f'make bench ARGS="{files} --save={name}"', COLUMNS, [row[: len(COLUMNS)] for row in rows])
 
 
 def _table(rows):
