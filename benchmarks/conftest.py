@@ -20,9 +20,7 @@ COLUMNS = ("what", "ours", "usual", "usual ÷ ours", "limit", "ours ÷ limit")
 
 
 def pytest_addoption(parser):
-    parser.addoption(
-        "--save", metavar="NAME", help="write docs/numbers/NAME.json: bench for all, speed for test_speed.py"
-    )
+    parser.addoption("--save", metavar="NAME", help="write docs/numbers/NAME.json, such as bench")
 
 
 @pytest.fixture
