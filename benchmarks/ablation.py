@@ -8,19 +8,17 @@ processor, for all shapes of a rate.
 """
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import click
 import numpy as np
 from pugan import INPUTS, METRICS, SHIFTED, SPACING, Shape, read, scores
-from rich import box
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from saved import save
+from saved import save, show
 
 import pcsr
 from pcsr.errors import PcsrError
@@ -31,28 +29,14 @@ from pcsr_plugins.upsamplers.rated_edges import RatedEdges
 COLUMNS = ("method", "rate", *METRICS, SHIFTED, SPACING, "seconds")
 
 
-@contextmanager
-def without(step: str) -> Iterator[None]:
-    """Take a step away for the length of a block."""
-    same = {
-        "predicted errors in the choice": mock.patch.object(selection, "CAUTION", 0.0),
-        "corrected copies of generated points": mock.patch.object(RatedEdges, "corrects_points", False),
-        "shares by cells of a core": mock.patch.object(patch, "CELL", 1 << 30),
-        "shares by area": mock.patch.object(dense, "weights", lambda cloud, plan: np.ones(len(cloud))),
-        "patches of 1,024 points, but of 512": mock.patch.object(candidates, "LOCAL_SIZE", 512),
-    }
-    with same[step]:
-        yield
-
-
-STEPS = (
-    "predicted errors in the choice",
-    "corrected copies of generated points",
-    "shares by cells of a core",
-    "shares by area",
-    "patches of 1,024 points, but of 512",
-)
-"""Steps that are taken away, one at a time."""
+STEPS: dict[str, tuple[Any, str, Any]] = {
+    "predicted errors in the choice": (selection, "CAUTION", 0.0),
+    "corrected copies of generated points": (RatedEdges, "corrects_points", False),
+    "shares by cells of a core": (patch, "CELL", 1 << 30),
+    "shares by area": (dense, "weights", lambda cloud, plan: np.ones(len(cloud))),
+    "patches of 1,024 points, but of 512": (candidates, "LOCAL_SIZE", 512),
+}
+"""What is replaced, in what, and by what, to take a step away."""
 
 
 def row(name: str, model: pcsr.Model, shapes: Sequence[Shape], rate: int) -> list[str]:
@@ -78,15 +62,12 @@ def main(file: Path, first: int | None, saving: bool) -> None:
         for rate in INPUTS:
             rows.append(row(f"`{DEFAULT}`", default, shapes, rate))
             for step in STEPS:
-                with without(step):
+                with mock.patch.object(*STEPS[step]):
                     rows.append(row(f"without {step}", pcsr.load(), shapes, rate))
             rows += [row(f"`{name}`", pcsr.load(name), shapes, rate) for name in ("frames", "midpoint")]
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
-    table = Table(*COLUMNS, title=f"{len(shapes)} shapes, distances ×10³", box=box.MARKDOWN)
-    for cells in rows:
-        table.add_row(*cells)
-    Console(width=1000).print(table)
+    show(COLUMNS, rows, f"{len(shapes)} shapes, distances ×10³")
     if saving:
         save("ablation", f"python benchmarks/ablation.py {file.name} --save", COLUMNS, rows)
 

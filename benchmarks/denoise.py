@@ -16,11 +16,9 @@ import click
 import denoisers
 import numpy as np
 import trimesh
-from rich import box
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from saved import save
+from saved import save, show
 
 import pcsr
 from pcsr.errors import PcsrError
@@ -127,14 +125,6 @@ def estimates(shapes: Sequence[Shape]) -> list[list[str]]:
         numbers = np.quantile(found, [0, 0.25, 0.5, 0.75, 1])
         rows.append([f"{100 * level:g}", *(f"{one:.2f}" for one in numbers)])
     return rows
-
-
-def show(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table in Markdown."""
-    table = Table(*columns, box=box.MARKDOWN)
-    for row in rows:
-        table.add_row(*row)
-    Console(width=200).print(table)
 
 
 @click.command()

@@ -13,11 +13,8 @@ from dataclasses import dataclass
 import click
 import numpy as np
 import trimesh
-from rich import box
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from saved import save
+from saved import save, show
 from scipy.spatial import cKDTree
 
 import pcsr
@@ -107,10 +104,7 @@ def main(models: Sequence[str], count: int, saving: bool) -> None:
             rows.append([f"`{name}`", *(f"{m:.2f} ± {s:.2f}" for m, s in zip(found.mean(0), spread, strict=True))])
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
-    table = Table(*COLUMNS, title=f"{len(parts)} parts, ×10³", box=box.MARKDOWN)
-    for row in rows:
-        table.add_row(*row)
-    Console(width=1000).print(table)
+    show(COLUMNS, rows, f"{len(parts)} parts, ×10³")
     if saving:
         save("edges", " ".join(["python benchmarks/edges.py", *models, "--save"]), COLUMNS, rows)
 

@@ -10,11 +10,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich import box
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from saved import save
+from saved import save, show
 
 import pcsr
 from pcsr.contracts import ShapeItem
@@ -60,7 +57,6 @@ def errors(model: pcsr.Model, parts: Sequence[Sample], touches: int) -> np.ndarr
 @click.option("--save", "saving", is_flag=True, help="Write docs/numbers/hidden-side.json.")
 def main(models: Sequence[str], touches: int, settings: Sequence[str], saving: bool) -> None:
     """Print a row for each model: its error without touches, and with."""
-    console = Console()
     try:
         parts = samples(touches, settings)
         columns, rows = ("model", "cd ×10³ without touch", f"{touches} touches", "better"), []
@@ -71,10 +67,7 @@ def main(models: Sequence[str], touches: int, settings: Sequence[str], saving: b
             rows.append([f"`{name}`", *spread, f"{(touched < plain).sum()}/{len(parts)}"])
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
-    table = Table(*columns, box=box.MARKDOWN)
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
+    show(columns, rows)
     if saving:
         save("hidden-side", f"python benchmarks/hidden_side.py {' '.join(models)} --save", columns, rows)
 

@@ -9,10 +9,7 @@ from typing import Any
 
 import click
 import numpy as np
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from saved import save
+from saved import save, show
 
 from pcsr.metrics.touch_effect import EFFICIENCY, efficiency
 
@@ -46,10 +43,7 @@ def main(runs: Path, saving: bool) -> None:
     first = results[NETWORKS[0]]
     rows += [row(first, method, method["name"]) for method in first["methods"][1:]]
     columns = ["method", *first["metrics"], EFFICIENCY]
-    table = Table(*columns, box=box.MARKDOWN)
-    for cells in rows:
-        table.add_row(*cells)
-    Console(width=200).print(table)
+    show(columns, rows)
     if saving:
         save("pretrained", "make run; python benchmarks/pretrained.py runs --save", columns, rows)
 

@@ -1,4 +1,4 @@
-"""Measured tables as files in docs/numbers, which pages include (`make pages`)."""
+"""Measured tables: printed, and as files in docs/numbers, which pages include (`make pages`)."""
 
 import json
 import os
@@ -7,10 +7,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import torch
+from rich import box
+from rich.console import Console
+from rich.table import Table
 
 from pcsr.files import write_text
 
 NUMBERS = Path(__file__).parents[1] / "docs" / "numbers"
+
+
+def show(columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
+    """Print a table in Markdown, as wide as it need be."""
+    table = Table(*columns, title=title, box=box.MARKDOWN)
+    for row in rows:
+        table.add_row(*row)
+    Console(width=1000).print(table)
 
 
 def save(name: str, command: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

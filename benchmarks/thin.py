@@ -11,11 +11,9 @@ from itertools import product
 import click
 import numpy as np
 from jaxtyping import Bool, Float
-from rich import box
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
-from saved import save
+from saved import save, show
 from scipy.spatial import cKDTree
 from thin_scenes import Scene, camera_step, floor, helix, in_dense, plate, sphere, strays, stripes, wire_by_step
 
@@ -134,10 +132,7 @@ def main(models: Sequence[str], seed: int, only: str, saving: bool) -> None:
         raise click.ClickException(str(problem)) from problem
     heads = ["measure", "scene", *(f"`{name}`" for name in names)]
     cells = [[row.measure, row.scene.name, *values] for row, *values in zip(chosen, *columns, strict=True)]
-    table = Table(*heads, box=box.MARKDOWN)
-    for line in cells:
-        table.add_row(*line)
-    Console(width=200).print(table)
+    show(heads, cells)
     if saving:
         save("thin", f"python benchmarks/thin.py {' '.join(names)} --seed {seed} --save", heads, cells)
 

@@ -226,7 +226,7 @@ class Job:
                 yield rows[at : at + CHUNK]
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Part:
     """Progress of one tile among the progress of all."""
 
@@ -234,12 +234,10 @@ class _Part:
     count: int
     total: int
     advance: Callable[[int, int], None]
-    most: int = 0
 
     def __call__(self, done: int, total: int) -> None:
-        """Report the progress; the passes of a tile each count their points anew."""
-        self.most = max(self.most, done * self.count // max(1, total))
-        self.advance(self.before + self.most, self.total)
+        """Report the progress."""
+        self.advance(self.before + done * self.count // total, self.total)
 
 
 def _result(tile: Tile) -> str:

@@ -65,7 +65,7 @@ def _checked(level: object, given: ScreenedCloud) -> float:
         number = float(level)
     except OverflowError:
         number = np.inf
-    if not 0 < number < np.inf:
+    if not number > 0:
         raise UserError(f"--denoise {number:g}: it must be more than 0: {remedy} (denoise=True)")
     if number >= size:
         raise UserError(f"--denoise {number:g}: the cloud is only {size:.4g} long: {remedy} (denoise=True)")

@@ -15,6 +15,11 @@ RIDGE = 1e-6
 """Weight of small coefficients, which makes fits to collinear points possible."""
 
 
+def quadric_terms(u: Float[np.ndarray, "n k"], v: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k 6"]:
+    """Return the terms of a quadric at tangential coordinates: 1, the coordinates, and their products."""
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+
+
 @dataclass(frozen=True)
 class LocalFits:
     """Quadric fitted to each of n neighbourhoods of k points: a height over the tangent plane.
@@ -50,7 +55,7 @@ class LocalFits:
         height, *across = np.moveaxis(offsets @ axes, -1, 0)
         unit = np.sqrt(np.square(across).sum(0).mean(1, keepdims=True))
         u, v = (np.divide(one, unit, out=np.zeros_like(one), where=unit > 0) for one in across)
-        terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+        terms = quadric_terms(u, v)
         fitted, residual = chosen, np.zeros(chosen.shape)
         for _ in range(ROUNDS if level < np.inf else 1):
             fitted = chosen & (np.abs(residual) < CUT * level)

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from pcsr.upsample.local_fits import RIDGE, TERMS, quadric_terms
 from pcsr.upsample.neighbours import Cloud, Neighbours
 
 AROUND = 16
 """Number of points that a quadric is fitted to."""
-TERMS = 6
-"""Number of coefficients of a quadric."""
 CLEAN, NOISY = (0.08, 1.8, 0.2), (0.16, 1.5, 0.1)
 """Evidence of noise from which on new points begin to be displaced, and with which they are displaced wholly.
 
@@ -25,8 +24,6 @@ It is the lower quartile of the residuals in spacings, the ratio of the upper to
 flatness. Details that a cloud is too sparse for leave residuals too, but of different sizes, and where neighbourhoods
 are not flat.
 """
-RIDGE = 1e-6
-"""Weight of small coefficients, in squared spacings, which makes fits to collinear points possible."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +57,13 @@ class Quadrics:
         return cls(neighbours, unit, axes, variances, offsets @ axes)
 
     @cached_property
+    def _terms(self) -> Float[np.ndarray, "n k 6"]:
+        return quadric_terms(self.local[..., 1], self.local[..., 2])
+
+    @cached_property
     def coefficients(self) -> Float[np.ndarray, "n 6"]:
         """Coefficients of the terms 1, u, v, u², uv and v² of the tangential coordinates."""
-        terms = _terms(self.local)
+        terms = self._terms
         system = terms.mT @ terms + RIDGE * np.eye(TERMS)
         solution: Float[np.ndarray, "n 6"] = np.linalg.solve(system, terms.mT @ self.local[..., :1])[..., 0]
         return solution
@@ -70,7 +71,7 @@ class Quadrics:
     @cached_property
     def residual(self) -> Float[np.ndarray, " n"]:
         """Standard deviation of the points around the quadric."""
-        rest = self.local[..., 0] - (_terms(self.local) @ self.coefficients[..., None])[..., 0]
+        rest = self.local[..., 0] - (self._terms @ self.coefficients[..., None])[..., 0]
         return self._deviation(np.square(rest).sum(1))
 
     @cached_property
@@ -106,7 +107,8 @@ class Quadrics:
         share = certain * _share(self.flatness[nearest], CLEAN[2], NOISY[2])
         axes, unit = self.axes[nearest], self.unit[nearest, None]
         local = ((new - self.neighbours.points[nearest]) / unit)[:, None] @ axes
-        height = (_terms(local)[:, 0] * self.coefficients[nearest]).sum(-1) - local[:, 0, 0]
+        terms = quadric_terms(local[..., 1], local[..., 2])[:, 0]
+        height = (terms * self.coefficients[nearest]).sum(-1) - local[:, 0, 0]
         moved: Float[np.ndarray, "m 3"] = new + (share * height)[:, None] * unit * axes[..., 0]
         return moved
 
@@ -114,9 +116,3 @@ class Quadrics:
 def _share(value: Any, none: float, everything: float) -> Any:
     """Return where a value lies on the way from `none` to `everything`, 0 to 1."""
     return np.clip((value - none) / (everything - none), 0, 1)
-
-
-def _terms(local: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n k 6"]:
-    """Return the terms of a quadric: 1, the tangential coordinates, and their products."""
-    u, v = local[..., 1], local[..., 2]
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)

@@ -30,11 +30,11 @@ class Pass:
     rate: int
     """Candidates for each point."""
     first: bool
-    last: bool
+    """Whether no other pass comes before it."""
 
     def of_margin(self, margin: int) -> "Pass":
         """Return the pass of the same growth over `margin` points."""
-        return Pass(margin, round(margin * self.new / self.points), self.rate, self.first, self.last)
+        return Pass(margin, round(margin * self.new / self.points), self.rate, self.first)
 
 
 def passes(points: int, new: int, source: Candidates, keep: bool) -> list[Pass]:
@@ -51,8 +51,8 @@ def passes(points: int, new: int, source: Candidates, keep: bool) -> list[Pass]:
     count = max(1, math.ceil(math.log(growth) / math.log(most) - 1e-9))
     sizes = [round(points * growth ** (number / count)) for number in range(count)]
     rate, last_rate = (RATE, LAST_RATE) if source.any_rate else (source.rate, source.rate)
-    before = [Pass(size, larger - size, rate, size == points, False) for size, larger in pairwise(sizes)]
-    return [*before, Pass(sizes[-1], new, last_rate, count == 1, True)]
+    before = [Pass(size, larger - size, rate, size == points) for size, larger in pairwise(sizes)]
+    return [*before, Pass(sizes[-1], new, last_rate, count == 1)]
 
 
 def weights(cloud: CloudArray, plan: Pass) -> Float[np.ndarray, " n"]:

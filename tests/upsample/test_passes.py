@@ -21,13 +21,12 @@ def test_passes_lead_to_the_count_by_no_more_than_the_growth(points, rate, keep)
     assert plans[-1].points == size
     assert plans[-1].new == max(new, 0)
     assert [plan.first for plan in plans] == [True] + [False] * (len(plans) - 1)
-    assert [plan.last for plan in plans] == [False] * (len(plans) - 1) + [True]
     assert [plan.rate for plan in plans] == [RATE] * (len(plans) - 1) + [LAST_RATE]
 
 
 def test_the_pass_of_a_margin_grows_as_much():
-    assert Pass(100, 300, 4, False, True).of_margin(50) == Pass(50, 150, 4, False, True)
-    assert Pass(100, 300, 4, True, False).of_margin(0).new == 0
+    assert Pass(100, 300, 4, False).of_margin(50) == Pass(50, 150, 4, False)
+    assert Pass(100, 300, 4, True).of_margin(0).new == 0
 
 
 def uneven(count=2000):
@@ -39,13 +38,13 @@ def uneven(count=2000):
 
 
 def test_in_the_first_pass_all_points_weigh_the_same():
-    assert (weights(uneven()[0], Pass(2000, 1, 4, True, False)) == 1).all()
+    assert (weights(uneven()[0], Pass(2000, 1, 4, True)) == 1).all()
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_of_an_uneven_cloud_the_density_is_kept(scale):
     cloud, left = uneven()
-    weight = weights(scale * cloud, Pass(2000, 1, 4, False, True))
+    weight = weights(scale * cloud, Pass(2000, 1, 4, False))
     assert weight[left].mean() == pytest.approx(weight[~left].mean(), rel=0.1)
 
 
@@ -54,8 +53,8 @@ def test_of_an_even_cloud_denser_regions_weigh_less_by_the_square_root_of_their_
     even = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     even[:, 0] = np.where(even[:, 0] > 20, 20 + (even[:, 0] - 20) / 1.1, even[:, 0])
     cloud = np.column_stack([even, np.zeros(len(even))])
-    weight = weights(cloud, Pass(1600, 1, 4, False, True))
+    weight = weights(cloud, Pass(1600, 1, 4, False))
     inner = (np.abs(cloud[:, 1] - 20) < 10) & (cloud[:, 0] > 5) & (cloud[:, 0] < 33)
     dense, sparse = inner & (cloud[:, 0] > 25), inner & (cloud[:, 0] < 15)
     assert weight[dense].mean() / weight[sparse].mean() == pytest.approx(1 / np.sqrt(1.1), rel=0.02)
-    assert (weights(np.zeros((40, 3)), Pass(40, 1, 4, False, True)) == 1).all(), "points on one spot have no spacing"
+    assert (weights(np.zeros((40, 3)), Pass(40, 1, 4, False)) == 1).all(), "points on one spot have no spacing"
