@@ -17,7 +17,7 @@ from pcsr.clouds.formats import write_cloud
 from pcsr.errors import PcsrWarning
 from pcsr.streaming import job
 from pcsr.streaming.work_folder import WorkFolder
-from tests.streaming.clouds import sheet, stream, use_small_patches
+from tests.streaming.clouds import sheet, stream
 
 ROOT = Path(__file__).parents[2]
 KILLED = """
@@ -32,17 +32,6 @@ def advance(what, done, total):
 
 upsample_file(pcsr.load("midpoint"), Path("scan.ply"), Path("out.ply"), rate=2, tile=300, advance=advance)
 """
-
-
-@pytest.fixture(autouse=True)
-def small_patches(monkeypatch):
-    use_small_patches(monkeypatch)
-
-
-@pytest.fixture
-def scan(tmp_path):
-    write_cloud(tmp_path / "scan.ply", sheet())
-    return tmp_path / "scan.ply"
 
 
 def interrupted_at(monkeypatch, name, number, error):

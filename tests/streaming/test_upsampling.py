@@ -11,18 +11,7 @@ from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import read_cloud, write_cloud
 from pcsr.streaming.tiles import TileTree, depth_for
 from pcsr.upsample import densify
-from tests.streaming.clouds import SMALL, TILE, sheet, stream, use_small_patches
-
-
-@pytest.fixture(autouse=True)
-def small_patches(monkeypatch):
-    use_small_patches(monkeypatch)
-
-
-@pytest.fixture
-def scan(tmp_path):
-    write_cloud(tmp_path / "scan.ply", sheet())
-    return tmp_path / "scan.ply"
+from tests.streaming.clouds import SMALL, TILE, sheet, stream
 
 
 @pytest.mark.parametrize("made", [".ply", ".npy", ".las", ".laz"])

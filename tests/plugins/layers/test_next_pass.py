@@ -5,12 +5,9 @@ import torch
 from torch.nn import functional as F
 
 from pcsr_plugins.layers.next_pass import COVERED, GROWTH, next_pass
+from tests.plugins.surfaces import sphere
 
 N = 64
-
-
-def sphere(n, seed=0, rows=2):
-    return F.normalize(torch.randn(rows, n, 3, generator=torch.Generator().manual_seed(seed)), dim=2)
 
 
 def generated(points, count=9, reach=0.15):
@@ -24,7 +21,7 @@ def generated(points, count=9, reach=0.15):
 
 @pytest.fixture(scope="module")
 def clouds():
-    points, truth = sphere(N), sphere(16 * N, seed=5)
+    points, truth = sphere(0, N, rows=2), sphere(5, 16 * N, rows=2)
     return points, generated(points), truth
 
 
@@ -45,7 +42,7 @@ def test_patch_and_truth_are_in_the_same_frame(clouds):
 
 
 def test_small_clouds_have_small_patches():
-    points, truth = sphere(8, rows=1), sphere(64, seed=2, rows=1)
+    points, truth = sphere(0, 8), sphere(2, 64)
     patch, near, covered = next_pass(points, generated(points), truth)
     assert patch.shape == (1, 8, 3)
     assert 0 < covered.shape[1] <= near.shape[1] <= 64

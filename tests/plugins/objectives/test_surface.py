@@ -4,10 +4,8 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch.nn import functional as F
 
 from pcsr import UserError, Widths
-from pcsr.geometry.farthest import farthest_points
 from pcsr.metrics.chamfer import chamfer
 from pcsr.metrics.nearest import nearest_squared
 from pcsr_plugins.encoders.local_frames import LocalFrameEncoder
@@ -16,21 +14,10 @@ from pcsr_plugins.layers.surface_distances import AROUND, planes
 from pcsr_plugins.objectives.surface import Surface
 from pcsr_plugins.upsamplers.edge_offsets import EdgeOffsets
 from tests.plugins.slow_frames import rotation
+from tests.plugins.surfaces import patch, sphere
 
 SURFACE, STRAY = 2.0, 10.0
 """Their weights by default."""
-
-
-def sphere(seed=0, n=200, rows=1):
-    return F.normalize(torch.randn(rows, n, 3, generator=torch.Generator().manual_seed(seed)), dim=2)
-
-
-def patch(seed=0, n=300):
-    """Evenly spaced points of a plane in any orientation, its normal, and positions in it away from its borders."""
-    random, turn = torch.Generator().manual_seed(seed), rotation(seed)
-    flat = F.pad(2 * torch.rand(6 * n, 2, generator=random) - 1, (0, 1))
-    inside = F.pad(1.4 * torch.rand(50, 2, generator=random) - 0.7, (0, 1))
-    return (flat[farthest_points(flat.numpy(), n)] @ turn)[None], turn[2], (inside @ turn)[None]
 
 
 def slowly(prediction, target):

@@ -2,19 +2,15 @@
 
 import pytest
 import torch
-from torch.nn import functional as F
 
 from pcsr import UserError
 from pcsr_plugins.objectives.surface import Surface
 from pcsr_plugins.objectives.surface_passes import FAR, RATE, SurfacePasses
+from tests.plugins.surfaces import sphere
 from tests.small_network import network
 
 PARTS = ("model.encoder={use: local-frames, channels: 8}", "model.touch_encoder=null", "model.fusion=none")
 N = 64
-
-
-def sphere(n, seed=0, rows=2):
-    return F.normalize(torch.randn(rows, n, 3, generator=torch.Generator().manual_seed(seed)), dim=2)
 
 
 def small(upsampler="{use: rated-edges, hidden: 8}"):
@@ -22,7 +18,7 @@ def small(upsampler="{use: rated-edges, hidden: 8}"):
 
 
 def losses(net, **options):
-    return SurfacePasses(**options).losses(net, sphere(N), sphere(16 * N, seed=3), 16)
+    return SurfacePasses(**options).losses(net, sphere(0, N, rows=2), sphere(3, 16 * N, rows=2), 16)
 
 
 def test_both_passes_have_the_four_terms():
@@ -33,7 +29,7 @@ def test_both_passes_have_the_four_terms():
 
 
 def test_close_to_the_surface_the_terms_of_the_first_pass_are_those_of_surface():
-    net, points, truth = small(), sphere(256), sphere(4096, seed=3)
+    net, points, truth = small(), sphere(0, 256, rows=2), sphere(3, 4096, rows=2)
     found = SurfacePasses().losses(net, points, truth, 16)
     dense = net.upsampler(*net.refine(points), RATE)
     plain = Surface()(dense, truth)
@@ -44,8 +40,8 @@ def test_close_to_the_surface_the_terms_of_the_first_pass_are_those_of_surface()
 
 
 def test_far_candidates_count_less_than_by_the_square():
-    net, truth = small(), sphere(1024, seed=3)
-    points = 1.5 * sphere(N)  # all of them half a radius away from the truth
+    net, truth = small(), sphere(3, 1024, rows=2)
+    points = 1.5 * sphere(0, N, rows=2)  # all of them half a radius away from the truth
     found = SurfacePasses(surface=1.0).losses(net, points, truth, 16)["surface"]
     plain = Surface(surface=1.0)(net.upsampler(*net.refine(points), RATE), truth)["surface"]
     assert found < 0.3 * plain
@@ -55,8 +51,8 @@ def test_the_error_head_and_the_copies_are_trained_and_learn():
     net = small()
     with torch.no_grad(), torch.random.fork_rng():
         torch.manual_seed(0)
-        points = sphere(N) + 0.02 * torch.randn(2, N, 3)
-    truth, objective = sphere(16 * N, seed=3), SurfacePasses()
+        points = sphere(0, N, rows=2) + 0.02 * torch.randn(2, N, 3)
+    truth, objective = sphere(3, 16 * N, rows=2), SurfacePasses()
     optimizer = torch.optim.Adam(net.parameters(), lr=3e-3)
     history = []
     for step in range(15):
