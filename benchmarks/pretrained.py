@@ -1,6 +1,6 @@
 """The table of `make run`: the shipped weights and the baselines on the same test parts.
 
-python benchmarks/pretrained.py RUNS [--save]
+python benchmarks/pretrained.py RUNS [--save [--name pretrained]]
 """
 
 import json
@@ -32,10 +32,11 @@ def row(run: dict[str, Any], method: dict[str, Any], name: str) -> list[str]:
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path, exists=True))
-@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/pretrained.json.")
-def main(runs: Path, saving: bool) -> None:
+@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/NAME.json.")
+@click.option("--name", default="pretrained", show_default=True, help="Name of the file: real-parts for other data.")
+def main(runs: Path, saving: bool, name: str) -> None:
     """Print the table of the runs `pretrained-…` in RUNS."""
-    found = {name: list(runs.glob(f"pretrained-{name}-*/results.json")) for name in NETWORKS}
+    found = {network: list(runs.glob(f"pretrained-{network}-*/results.json")) for network in NETWORKS}
     if any(len(paths) != 1 for paths in found.values()):
         raise click.ClickException(f"{runs} must hold one run of each of {', '.join(NETWORKS)}: `make run` makes them")
     results = {name: json.loads(path.read_text(encoding="utf-8")) for name, (path,) in found.items()}
@@ -45,7 +46,13 @@ def main(runs: Path, saving: bool) -> None:
     columns = ["method", *first["metrics"], EFFICIENCY]
     show(columns, rows)
     if saving:
-        save("pretrained", "make run; python benchmarks/pretrained.py runs --save", columns, rows)
+        own = "make run; python benchmarks/pretrained.py runs --save"
+        save(
+            name,
+            own if name == "pretrained" else f"python benchmarks/pretrained.py {runs} --save --name {name}",
+            columns,
+            rows,
+        )
 
 
 if __name__ == "__main__":
