@@ -1,0 +1,40 @@
+"""Error of the poses that a robot reports."""
+
+from dataclasses import dataclass
+
+from pcsr.errors import UserError
+
+MOST_POSITION, MOST_ROTATION = 100.0, 45.0
+"""Largest standard deviations, in millimetres and degrees, that a pose may have."""
+
+
+@dataclass(frozen=True)
+class PoseError:
+    """Standard deviation of the error of a pose that a robot reports; 0 and 0 for exact poses.
+
+    Raises:
+        UserError: a number is negative, not finite or too large.
+
+    Examples:
+        >>> pcsr.PoseError(position=0.3, rotation=0.2)
+        PoseError(position=0.3, rotation=0.2)
+    """
+
+    position: float = 1.0
+    """Along each axis, in millimetres."""
+    rotation: float = 2.0
+    """About each axis, in degrees."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, value, most, unit in (
+            ("position", self.position, MOST_POSITION, "mm"),
+            ("rotation", self.rotation, MOST_ROTATION, "degrees"),
+        ):
+            if not 0 <= value <= most:
+                raise UserError(f"pose error: {name} is {value:g} {unit}: it must be 0 to {most:g}")
+
+    @property
+    def exact(self) -> bool:
+        """Whether the poses have no error."""
+        return self.position == 0 and self.rotation == 0

@@ -1,0 +1,5 @@
+"""Registration of touches to a cloud: the poses of a robot's arm are corrected by the points that a camera saw."""
+
+from pcsr.registration.records import RegisteredTouch, Registration, Verdict
+
+__all__ = ["RegisteredTouch", "Registration", "Verdict"]
