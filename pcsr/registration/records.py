@@ -41,7 +41,7 @@ class Registration:
     """Rigid motion that all touches share, in the frame and unit of the cloud; the identity if there is none."""
     offset_covariance: Float[np.ndarray, "6 6"]
     """Covariance of the offset's error: a rotation vector about the cloud's centroid, then a translation."""
-    shared_error: "float"
+    shared_error: float
     """Estimated standard deviation of the shared part of the position errors, in millimetres."""
-    private_error: "float"
+    private_error: float
     """Estimated standard deviation of the position error of each touch by itself, in millimetres."""
