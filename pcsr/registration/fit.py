@@ -1,0 +1,132 @@
+"""Posterior distribution of a touch's motion: equally many draws of the prior as particles, each fitted to the cloud."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.registration.likelihood import Likelihood
+from pcsr.registration.motions import Motions
+
+PARTICLES = 48
+"""Number of particles, the first at the mean of the prior."""
+COARSE, FINE = 8, 6
+"""Number of steps with a large deviation, which falls, and with the estimated one."""
+TEMPER = 0.5
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Normal distribution of a touch's motion, in the frame of the touch."""
+
+    mean: Float[np.ndarray, "6"]
+    covariance: Float[np.ndarray, "6 6"]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Distribution of a touch's motion, given the cloud and the prior."""
+
+    motion: Float[np.ndarray, "6"]
+    """Mean of the particles, fitted to the cloud."""
+    information: Float[np.ndarray, "6 6"]
+    """Information of the cloud about the motion, without the prior."""
+    vector: Float[np.ndarray, "6"]
+    """Information times the motion that is most likely without the prior."""
+    deviation: float
+    """Standard deviation of the cloud's points from the touched surface."""
+    freedom: float
+    """Number of points behind the deviation, less the fitted parameters."""
+    particles: Motions
+    weights: Float[np.ndarray, " s"]
+    """Probability of each particle."""
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "6 6"]:
+        """Second moment of the motion about `motion`."""
+        away = self.particles - self.motion
+        moment: Float[np.ndarray, "6 6"] = (away * self.weights[:, None]).T @ away
+        return moment
+
+
+def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | None = None) -> Posterior:
+    """Find the distribution of a touch's motion.
+
+    Motions are drawn from the prior. Each is fitted to the cloud, as if its draw were the mean of the prior: it moves
+    only along the directions that the cloud constrains (randomise, then optimise; Bardsley et al., 2014). Its
+    weight is the likelihood there. So sliding along a surface stays as uncertain as the prior, unless the border of
+    the contact speaks against it.
+
+    Args:
+        likelihood: of the touch's motions.
+        prior: distribution of the motion before the cloud is looked at.
+        floor: smallest deviation of the points from the surface, in millimetres.
+        deviation: deviation of the points; it is estimated if it is not known.
+    """
+    root = np.linalg.cholesky(prior.covariance)
+    precision = np.linalg.inv(prior.covariance)
+    drawn = np.random.default_rng(0).normal(size=(PARTICLES, 6))
+    drawn[0] = 0
+    start = prior.mean + drawn @ root.T
+    particles, level, freedom = _fitted(likelihood, start, precision, floor, deviation)
+    terms = likelihood.terms(particles, np.full(PARTICLES, level))
+    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
+    inverse = np.linalg.inv(information + precision)
+    checked = precision - precision @ inverse @ precision
+    away = particles - prior.mean
+    logs = TEMPER * terms.gain.sum(1) - 0.5 * np.einsum("si,sij,sj->s", away, checked, away) + 0.5 * np.linalg.slogdet(inverse)[1]
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    mean = weights @ particles
+    motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, coarse=0)
+    terms = likelihood.terms(motion, np.array([level]))
+    own = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
+    spread = inverse - inverse @ precision @ inverse
+    jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ np.random.default_rng(1).normal(size=(PARTICLES, 6, 1))
+    vector = own @ motion[0] + precision @ (motion[0] - mean)
+    return Posterior(motion[0], own, vector, level, freedom, particles + jitter[..., 0], weights)
+
+
+def _fitted(
+    likelihood: Likelihood,
+    start: Motions,
+    precision: Float[np.ndarray, "6 6"],
+    floor: float,
+    deviation: float | None,
+    coarse: int = COARSE,
+) -> tuple[Motions, float, float]:
+    """Fit motions to the cloud, each with its start as the mean of the prior."""
+    widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
+    level = np.full(len(start), widest if coarse else deviation)
+    motions, count = start, np.zeros(len(start))
+    for step in range(coarse + FINE):
+        terms = likelihood.terms(motions, level)
+        motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
+        count = np.maximum((terms.share * terms.inside).sum(1) - 3, 0)
+        if deviation is None:
+            found = (terms.share * terms.distance**2 * terms.inside).sum(1)
+            level = np.sqrt(found / np.maximum(count, 1))
+        else:
+            level = np.full(len(start), deviation)
+        level = np.maximum(level, floor)
+        if step < coarse:
+            level = np.maximum(level, widest * (floor / widest) ** ((step + 1) / coarse))
+    if deviation is not None:
+        return motions, deviation, float(count.max())
+    best = int(likelihood.terms(motions, level).gain.sum(1).argmax())
+    return motions, float(level[best]), float(count[best])
+
+
+def _step(
+    jacobian: Float[np.ndarray, "s n 6"],
+    distance: Float[np.ndarray, "s n"],
+    weights: Float[np.ndarray, "s n"],
+    precision: Float[np.ndarray, "6 6"],
+    away: Motions,
+) -> Motions:
+    """Return one step of Gauss and Newton for each motion."""
+    weighted = jacobian * weights[..., None]
+    hessian = weighted.transpose(0, 2, 1) @ jacobian + precision
+    gradient = (weighted * distance[..., None]).sum(1) + away @ precision
+    step: Motions = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
+    return step

@@ -1,0 +1,42 @@
+"""Expected error of each touched point after the registration."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from pcsr.registration.fit import Posterior
+from pcsr.registration.likelihood import Likelihood
+from pcsr.registration.motions import moved_back
+
+
+def point_errors(
+    likelihood: Likelihood, after: Posterior, points: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, " m"]:
+    """Compute the expected error of touched points, one standard deviation, in millimetres.
+
+    The true surface is known in two ways: as the touched surface, wherever the distribution of the motion puts it, and
+    at the points of the cloud that lie on it. The error is the distance from the nearer of both. So sliding along a
+    surface does no harm except at the border of the contact, and there only where the cloud has no points.
+
+    Args:
+        likelihood: of the touch's motion.
+        after: distribution of the motion.
+        points: touched points in the frame of the touch, as reported.
+    """
+    rotation = Rotation.from_rotvec(after.motion[:3]).as_matrix()
+    moved = points @ rotation.T + after.motion[3:]
+    likely = after.weights > 1e-3 * after.weights.max()
+    back = moved_back(moved, after.particles[likely])
+    least = np.full(back.shape[:2], np.inf)
+    for surface in likelihood.surfaces:
+        distance, _, outside, _ = surface.distances(back)
+        least = np.minimum(least, np.hypot(distance, outside))
+    terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
+    on: Bool[np.ndarray, " n"] = terms.share[0] > 0.5
+    if on.any():
+        least = np.minimum(least, cKDTree(likelihood.points[on]).query(moved)[0])
+    noise = max(surface.noise for surface in likelihood.surfaces)
+    weights = after.weights[likely] / after.weights[likely].sum()
+    errors: Float[np.ndarray, " m"] = np.sqrt(weights @ least**2 + noise**2)
+    return errors

@@ -1,0 +1,114 @@
+"""Touches and the cloud around each, in the frame of the touch and in millimetres."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from pcsr.clouds.touch import Touch
+from pcsr.registration.surface import TouchedSurface
+
+WINDOW = (16.0, 12.0)
+AROUND = 512
+"""Largest number of points of the cloud that are looked at around a touch."""
+NEAREST = 4
+"""Number of neighbours by which the spacing of the cloud is measured."""
+FEWEST = 4
+"""Smallest number of touched points that make a surface."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """One touch and the cloud around it. All lengths are in millimetres."""
+
+    points: Float[np.ndarray, "m 3"]
+    """Touched points, in the frame of the touch."""
+    origin: Float[np.ndarray, "3"]
+    """Centroid of the touch in the frame of the object, from the centroid of the cloud."""
+    axes: Float[np.ndarray, "3 3"]
+    """Axes of the touch as columns, in the frame of the object."""
+    surfaces: tuple[TouchedSurface, ...]
+    """Surface of each finger."""
+    near: Float[np.ndarray, "n 3"]
+    """Points of the cloud around the touch, in its frame."""
+    spacing: float
+    """Spacing of the cloud there; of the touch if there is no cloud."""
+
+    @property
+    def noise(self) -> float:
+        """Noise of the touched points."""
+        return max(surface.noise for surface in self.surfaces)
+
+    @classmethod
+    def of(
+        cls, touch: Touch, cloud: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"], margin: float
+    ) -> "Situation":
+        """Bring a touch and the cloud around it into the frame of the touch.
+
+        Args:
+            touch: the touch.
+            cloud: in the frame and unit of the touch.
+            centre: centroid of the cloud.
+            margin: distance from the touch up to which the cloud is looked at, in millimetres.
+        """
+        own = (touch.points - centre) * touch.unit
+        origin = own.mean(0)
+        axes, oriented = _axes(touch, own - origin)
+        points = (own - origin) @ axes
+        fingers = np.unique(touch.finger)
+        surfaces = []
+        for finger in fingers:
+            rows = touch.finger == finger
+            if rows.sum() < FEWEST:
+                continue
+            if len(fingers) > 1 and oriented:
+                of_finger = axes.T @ _unit(touch.poses[finger])
+            elif len(fingers) > 1:
+                of_finger = _principal(points[rows] - points[rows].mean(0))
+            else:
+                of_finger = np.eye(3)
+            sensor = None
+            if oriented and len(fingers) == 1 and WINDOW:
+                face = ((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes
+                sensor = (face, WINDOW)
+            surfaces.append(TouchedSurface.of(points[rows], of_finger, oriented, margin, sensor))
+        radius = float(np.linalg.norm(points, axis=1).max()) + margin
+        middle = centre + origin / touch.unit
+        box = np.abs(cloud - middle).max(1) * touch.unit <= radius
+        near = ((cloud[box] - middle) * touch.unit) @ axes
+        away = np.linalg.norm(near, axis=1)
+        order = np.argsort(away, kind="stable")
+        order = order[away[order] <= radius]
+        near = near[order]
+        spacing = _spacing(near)
+        if len(near) > AROUND:
+            near = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
+        return cls(points, origin, axes, tuple(surfaces), near, spacing)
+
+
+def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.ndarray, "3 3"], bool]:
+    """Return the axes of a touch, and whether the last is known to point out of the object."""
+    if len(touch.poses):
+        return _unit(touch.poses[0]), True
+    return _principal(centred), False
+
+
+def _unit(pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
+    return pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+
+
+def _principal(centred: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the principal axes of points, the shortest last. Their signs follow the points, not the frame."""
+    axes = np.linalg.svd(centred, full_matrices=False)[2].T
+    signs = np.sign(((centred @ axes) ** 3).sum(0))
+    axes = axes * np.where(signs == 0, 1, signs)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return axes
+
+
+def _spacing(points: Float[np.ndarray, "n 3"]) -> float:
+    if len(points) < 2:
+        return 1.0
+    k = min(NEAREST, len(points) - 1)
+    return float(np.median(cKDTree(points).query(points, k=range(2, k + 2))[0].mean(1)))
