@@ -12,7 +12,8 @@ PARTICLES = 48
 """Number of particles, the first at the mean of the prior."""
 COARSE, FINE = 8, 6
 """Number of steps with a large deviation, which falls, and with the estimated one."""
-TEMPER = 0.5
+TEMPER = 1.0
+BASIN = 30.0
 
 
 @dataclass(frozen=True)
@@ -74,10 +75,13 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     inverse = np.linalg.inv(information + precision)
     checked = precision - precision @ inverse @ precision
     away = particles - prior.mean
-    logs = TEMPER * terms.gain.sum(1) - 0.5 * np.einsum("si,sij,sj->s", away, checked, away) + 0.5 * np.linalg.slogdet(inverse)[1]
+    logs = TEMPER * likelihood.log(terms) - 0.5 * np.einsum("si,sij,sj->s", away, checked, away) + 0.5 * np.linalg.slogdet(inverse)[1]
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    mean = weights @ particles
+    best = int(weights.argmax())
+    beside = particles - particles[best]
+    same = np.einsum("si,ij,sj->s", beside, information[best], beside) < BASIN
+    mean = weights[same] @ particles[same] / weights[same].sum()
     motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, coarse=0)
     terms = likelihood.terms(motion, np.array([level]))
     own = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
@@ -113,7 +117,7 @@ def _fitted(
             level = np.maximum(level, widest * (floor / widest) ** ((step + 1) / coarse))
     if deviation is not None:
         return motions, deviation, float(count.max())
-    best = int(likelihood.terms(motions, level).gain.sum(1).argmax())
+    best = int(likelihood.log(likelihood.terms(motions, level)).argmax())
     return motions, float(level[best]), float(count[best])
 
 

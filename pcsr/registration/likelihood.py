@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
+from scipy.special import gammaln
 
 from pcsr.registration.motions import Motions, moved_back
 from pcsr.registration.surface import TouchedSurface
@@ -21,6 +22,7 @@ IN_FINGER = 0.01
 """Background where the finger was, relative to that elsewhere."""
 W_OUT = 0.0
 FINGER = 10.0
+DENSITY = 0.67
 """Depth of the finger above its contact, in millimetres."""
 
 
@@ -28,8 +30,8 @@ FINGER = 10.0
 class Terms:
     """Terms of the likelihood: of s motions and n points."""
 
-    gain: Float[np.ndarray, "s n"]
-    """Logarithm of each point's density, relative to the background."""
+    against: Float[np.ndarray, "s n"]
+    """Logarithm of the probability of each point, at most 0: low for a point where the finger was."""
     share: Float[np.ndarray, "s n"]
     """Probability that the point lies on the touched surface."""
     precision: Float[np.ndarray, "s n"]
@@ -65,13 +67,13 @@ class Likelihood:
         rotations = Rotation.from_rotvec(motions[:, :3]).as_matrix()
         back = moved_back(self.points, motions)
         found = [self._of(surface, back, deviation) for surface in self.surfaces]
-        gain, share, variance, distance, normal, inside = (np.stack(parts) for parts in zip(*found, strict=True))
+        against, share, variance, distance, normal, inside = (np.stack(parts) for parts in zip(*found, strict=True))
         best = share.argmax(0)[None]
         share, variance, distance = (np.take_along_axis(one, best, 0)[0] for one in (share, variance, distance))
         normal = np.take_along_axis(normal, best[..., None], 0)[0] @ rotations.transpose(0, 2, 1)
         arm = self.points - motions[:, None, 3:]
         jacobian = -np.concatenate([np.cross(arm, normal), normal], axis=2)
-        return Terms(gain.sum(0), share, share / variance, distance, jacobian, inside.max(0))
+        return Terms(against.sum(0), share, share / variance, distance, jacobian, inside.max(0))
 
     def _of(
         self, surface: TouchedSurface, back: Float[np.ndarray, "s n 3"], deviation: Float[np.ndarray, " s"]
@@ -90,4 +92,15 @@ class Likelihood:
         if surface.oriented:
             background[inside & (distance > 0) & (distance < FINGER)] = IN_FINGER
             background[known & (above > deviation[:, None]) & (above < FINGER)] = IN_FINGER
-        return np.log(on + background), on / (on + background), variance, distance, normal, inside.astype(float)
+        return np.minimum(0, np.log(on + background)), on / (on + background), variance, distance, normal, inside.astype(float)
+
+    def log(self, terms: Terms) -> Float[np.ndarray, " s"]:
+        """Return the logarithm of the likelihood of each motion.
+
+        Points where the finger was speak against a motion, and so do too few points on the touched surface.
+        """
+        expected = DENSITY / self.thickness**2 * sum(surface.area for surface in self.surfaces)
+        found = np.minimum((terms.share * terms.inside).sum(1), expected)
+        few = found * np.log(expected) - gammaln(found + 1)
+        logarithm: Float[np.ndarray, " s"] = terms.against.sum(1) + few
+        return logarithm

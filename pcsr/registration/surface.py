@@ -100,6 +100,11 @@ class TouchedSurface:
             outside=np.maximum(0.0, away - INSIDE * spacing),
         )
 
+    @property
+    def area(self) -> float:
+        """Area of the contact in the plane of the gel, in square millimetres."""
+        return float((self.outside == 0).sum()) * self.cell**2
+
     def distances(
         self, points: Float[np.ndarray, "*k 3"]
     ) -> tuple[Float[np.ndarray, "*k"], Float[np.ndarray, "*k 3"], Float[np.ndarray, "*k"], Float[np.ndarray, "*k"]]:
