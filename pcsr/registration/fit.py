@@ -106,9 +106,9 @@ def _fitted(
     for step in range(coarse + FINE):
         terms = likelihood.terms(motions, level)
         motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
-        count = np.maximum((terms.share * terms.inside).sum(1) - 3, 0)
+        count = np.maximum(terms.inside.sum(1) - 3, 0)
         if deviation is None:
-            found = (terms.share * terms.distance**2 * terms.inside).sum(1)
+            found = (terms.inside * terms.distance**2).sum(1)
             level = np.sqrt(found / np.maximum(count, 1))
         else:
             level = np.full(len(start), deviation)

@@ -30,8 +30,8 @@ def point_errors(
     back = moved_back(moved, after.particles[likely])
     least = np.full(back.shape[:2], np.inf)
     for surface in likelihood.surfaces:
-        distance, _, outside, _ = surface.distances(back)
-        least = np.minimum(least, np.hypot(distance, outside))
+        found = surface.find(back)
+        least = np.minimum(least, np.hypot(found.distance, found.outside))
     terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
     on: Bool[np.ndarray, " n"] = terms.share[0] > 0.5
     if on.any():

@@ -73,7 +73,7 @@ def register(
 
 
 def _likelihood(one: Situation) -> Likelihood:
-    return Likelihood(one.surfaces, one.near, np.zeros(len(one.near)), one.spacing)
+    return Likelihood(one.surfaces, one.near, one.spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:
@@ -83,7 +83,7 @@ def _pooled(fits: Sequence[Posterior]) -> float:
 
 def _support(likelihood: Likelihood, motion: Float[np.ndarray, "6"], deviation: float) -> int:
     terms = likelihood.terms(motion[None], np.array([deviation]))
-    return int(((terms.share > 0.5) & (terms.inside > 0)).sum())
+    return int((terms.inside > 0.5).sum())
 
 
 def _result(touch, one, likelihood, after, errors, centre) -> RegisteredTouch:

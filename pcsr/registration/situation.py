@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from pcsr.clouds.touch import Touch
-from pcsr.registration.surface import TouchedSurface
+from pcsr.registration.surface import TouchedSurface, View
 
 WINDOW = (16.0, 12.0)
 AROUND = 512
@@ -68,11 +68,10 @@ class Situation:
                 of_finger = _principal(points[rows] - points[rows].mean(0))
             else:
                 of_finger = np.eye(3)
-            sensor = None
-            if oriented and len(fingers) == 1 and WINDOW:
-                face = ((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes
-                sensor = (face, WINDOW)
-            surfaces.append(TouchedSurface.of(points[rows], of_finger, oriented, margin, sensor))
+            view = None
+            if oriented and WINDOW:
+                view = View(((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes, WINDOW)
+            surfaces.append(TouchedSurface.of(points[rows], of_finger, margin, oriented=oriented, view=view))
         radius = float(np.linalg.norm(points, axis=1).max()) + margin
         middle = centre + origin / touch.unit
         box = np.abs(cloud - middle).max(1) * touch.unit <= radius

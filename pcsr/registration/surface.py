@@ -3,15 +3,43 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 NEIGHBOURS = 16
 """Number of touched points to which each tangent plane is fitted."""
 INSIDE = 1.5
 """A place belongs to the contact if a touched point is closer than `INSIDE` spacings, in the plane of the gel."""
-MOST_CELLS = 200
+MOST_CELLS = 160
 """Largest number of cells of the grid along one side."""
+LOWEST = 0.02
+"""Share of the touched points below the height that counts as that of the contact's border."""
+BORDER = 0.5
+"""Height of the contact's border in a flat contact, as a share of its greatest height above the sensor's face."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a sensor sees: a rectangle of its face, in the frame of the touch. Lengths are in millimetres."""
+
+    centre: Float[np.ndarray, "3"]
+    """Centre of the unpressed face."""
+    sides: tuple[float, float]
+    """Sides of the rectangle along the first two axes."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where points lie relative to a touched surface."""
+
+    distance: Float[np.ndarray, "*k"]
+    """Signed distance from the nearest tangent plane, positive towards the finger."""
+    slopes: Float[np.ndarray, "*k 2"]
+    """Slopes of that plane along the surface's first two axes."""
+    outside: Float[np.ndarray, "*k"]
+    """Distance from the contact in the plane of the gel; 0 inside, infinite beyond the margin."""
+    above: Float[np.ndarray, "*k"]
+    """Depth of the point in the finger; negative outside of it."""
 
 
 @dataclass(frozen=True)
@@ -24,115 +52,85 @@ class TouchedSurface:
     """Axes as columns, in the frame of the touch; the last is the direction out of the object."""
     oriented: bool
     """Whether the sign of the last axis is known."""
-    flat: Float[np.ndarray, "m 2"]
-    """Touched points in the plane."""
-    planes: Float[np.ndarray, "m 3"]
-    """Tangent plane at each point: height there, and slope along both axes."""
-    normals: Float[np.ndarray, "m 3"]
-    """Unit normals of the planes, in the frame of the touch."""
     noise: float
-    """Standard deviation of the points from their planes."""
-    spacing: float
-    """Mean distance between neighbouring points in the plane."""
+    """Standard deviation of the touched points from their tangent planes."""
+    area: float
+    """Area of the contact in the plane of the gel."""
     corner: Float[np.ndarray, "2"]
     """Corner of the grid."""
     cell: float
     """Side of a cell."""
-    nearest: Int[np.ndarray, "rows columns"]
-    """Touched point nearest to each cell."""
-    window: tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]] | None
-    """Lowest and highest coordinates of what the sensor sees; None if they are unknown."""
-    level: float
-    """Height above which the sensor would have been touched beside the contact."""
-    outside: Float[np.ndarray, "rows columns"]
-    """Distance of each cell from the contact; 0 inside."""
+    shape: tuple[int, int]
+    """Number of cells along both axes."""
+    table: Float[np.ndarray, "cells 5"]
+    """For each cell the plane z = a + b x + c y as a, b and c; the distance from the contact; and the height above
+    which there was the finger: minus infinity inside the contact, where it is that of the plane."""
 
     @classmethod
     def of(
-        cls, points: Float[np.ndarray, "m 3"], axes: Float[np.ndarray, "3 3"], oriented: bool, margin: float, sensor=None
+        cls,
+        points: Float[np.ndarray, "m 3"],
+        axes: Float[np.ndarray, "3 3"],
+        margin: float,
+        *,
+        oriented: bool,
+        view: View | None = None,
     ) -> "TouchedSurface":
         """Fit the surface of one finger.
 
         Args:
             points: touched points in the frame of the touch, (m 3).
             axes: axes as columns; the last points out of the object.
-            oriented: whether the sign of the last axis is known.
             margin: width of the strip around the contact in which distances from it are known.
+            oriented: whether the sign of the last axis is known.
+            view: what the sensor sees; None if that is unknown.
         """
         origin = points.mean(0)
         local = np.unique((points - origin) @ axes, axis=0)
-        flat = local[:, :2]
-        tree = cKDTree(flat)
-        k = min(NEIGHBOURS, len(flat))
-        index = tree.query(flat, k=range(1, k + 1))[1]
-        extent = np.ptp(flat, axis=0)
-        spacing = float(np.sqrt(max(np.prod(extent), 1e-12) / len(flat)))
-        planes, residuals = _planes(local, index, spacing)
-        normals = np.column_stack([-planes[:, 1:], np.ones(len(planes))])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        tree = cKDTree(local[:, :2])
+        extent = np.ptp(local[:, :2], axis=0)
+        spacing = float(np.sqrt(max(np.prod(extent), 1e-12) / len(local)))
+        index = tree.query(local[:, :2], k=range(1, min(NEIGHBOURS, len(local)) + 1))[1]
+        planes, noise = _planes(local, index, spacing)
         cell = max(spacing / 2, float((extent + 2 * margin).max()) / MOST_CELLS)
-        corner = flat.min(0) - margin
+        corner = local[:, :2].min(0) - margin
         shape = np.ceil((extent + 2 * margin) / cell).astype(int) + 1
         x, y = (corner[side] + (np.arange(shape[side]) + 0.5) * cell for side in (0, 1))
         centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
         away, nearest = tree.query(centres)
-        window, level = None, np.inf
-        if sensor is not None:
-            face = (sensor[0] - origin) @ axes
-            half = np.array(sensor[1]) / 2
-            window = face[:2] - half, face[:2] + half
+        outside = np.maximum(0.0, away - INSIDE * spacing)
+        inside = outside == 0
+        level = np.where(inside, -np.inf, np.inf)
+        if view is not None:
+            face = (view.centre - origin) @ axes
+            half = np.array(view.sides) / 2
+            seen = (np.abs(centres - face[:2]) < half).all(-1)
             heights = local[:, 2] - face[2]
-            level = face[2] + min(np.quantile(heights, 0.02), 0.5 * heights.max())
-        return cls(
-            window=window,
-            level=level,
-            origin=origin,
-            axes=axes,
-            oriented=oriented,
-            flat=flat,
-            planes=planes,
-            normals=normals @ axes.T,
-            noise=residuals,
-            spacing=spacing,
-            corner=corner,
-            cell=cell,
-            nearest=nearest,
-            outside=np.maximum(0.0, away - INSIDE * spacing),
-        )
+            level[seen & ~inside] = face[2] + min(np.quantile(heights, LOWEST), BORDER * heights.max())
+        outside[[0, -1]] = outside[:, [0, -1]] = np.inf
+        plane = planes[nearest]
+        constant = plane[..., 0] - (plane[..., 1:] * local[nearest, :2]).sum(-1)
+        table = np.stack([constant, plane[..., 1], plane[..., 2], outside, level], axis=-1).reshape(-1, 5)
+        area = float(inside.sum()) * cell**2
+        return cls(origin, axes, oriented, noise, area, corner, cell, (int(shape[0]), int(shape[1])), table)
 
-    @property
-    def area(self) -> float:
-        """Area of the contact in the plane of the gel, in square millimetres."""
-        return float((self.outside == 0).sum()) * self.cell**2
-
-    def distances(
-        self, points: Float[np.ndarray, "*k 3"]
-    ) -> tuple[Float[np.ndarray, "*k"], Float[np.ndarray, "*k 3"], Float[np.ndarray, "*k"], Float[np.ndarray, "*k"]]:
+    def find(self, points: Float[np.ndarray, "*k 3"]) -> Found:
         """Compute where points lie relative to the touched surface.
 
         Args:
             points: in the frame of the touch.
-
-        Returns:
-            The signed distance from the nearest tangent plane, positive towards the finger; that plane's normal, in
-            the frame of the touch; and the distance from the contact in the plane of the gel, infinite beyond the
-            margin.
         """
         local = (points - self.origin) @ self.axes
-        at = np.floor((local[..., :2] - self.corner) / self.cell)
-        shape = self.nearest.shape
-        known: Bool[np.ndarray, "*k"] = ((at >= 0) & (at < shape)).all(-1)
-        row, column = np.where(known[..., None], at, 0).astype(np.int64).transpose(-1, *range(at.ndim - 1))
-        index = self.nearest[row, column]
-        plane = self.planes[index]
-        offset = local[..., :2] - self.flat[index]
-        height = local[..., 2] - plane[..., 0] - (offset * plane[..., 1:]).sum(-1)
-        beside = np.zeros(known.shape, bool)
-        if self.window is not None:
-            flat = local[..., :2]
-            beside = ((flat > self.window[0]) & (flat < self.window[1])).all(-1)
-        distance = height / np.sqrt(1 + (plane[..., 1:] ** 2).sum(-1))
-        return distance, self.normals[index], np.where(known, self.outside[row, column], np.inf), np.where(beside, local[..., 2] - self.level, -np.inf)
+        x, y, z = local[..., 0], local[..., 1], local[..., 2]
+        row = np.clip((x - self.corner[0]) / self.cell, 0, self.shape[0] - 1).astype(np.int64)
+        column = np.clip((y - self.corner[1]) / self.cell, 0, self.shape[1] - 1).astype(np.int64)
+        entry = self.table[row * self.shape[1] + column]
+        slopes, outside, level = entry[..., 1:3], entry[..., 3], entry[..., 4]
+        height = z - entry[..., 0] - slopes[..., 0] * x - slopes[..., 1] * y
+        distance = height / np.sqrt(1 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
+        if not self.oriented:
+            return Found(distance, slopes, outside, np.full(distance.shape, -np.inf))
+        return Found(distance, slopes, outside, np.where(outside == 0, distance, z - level))
 
 
 def _planes(
