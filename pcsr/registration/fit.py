@@ -1,19 +1,22 @@
-"""Posterior distribution of a touch's motion: equally many draws of the prior as particles, each fitted to the cloud."""
+"""Posterior distribution of a touch's motion, by particles that are fitted to the cloud."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import logsumexp
 
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import Motions
 
-PARTICLES = 48
-"""Number of particles, the first at the mean of the prior."""
-COARSE, FINE = 8, 6
-"""Number of steps with a large deviation, which falls, and with the estimated one."""
-TEMPER = 1.0
+PARTICLES = 32
+"""Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best."""
+NARROW = 3.0
+"""The latter's deviations are those of the prior, divided by this."""
+COARSE, FINE = 6, 4
+"""Number of steps with a large deviation of the cloud, which falls, and with the estimated one."""
 BASIN = 30.0
+"""Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,18 @@ class Prior:
     mean: Float[np.ndarray, "6"]
     covariance: Float[np.ndarray, "6 6"]
 
+    def log(self, motions: Motions) -> Float[np.ndarray, " s"]:
+        """Return the logarithm of the density of motions."""
+        away = np.linalg.solve(np.linalg.cholesky(self.covariance), (motions - self.mean).T)
+        return -0.5 * (away**2).sum(0) - 0.5 * float(np.linalg.slogdet(self.covariance)[1])
+
 
 @dataclass(frozen=True)
 class Posterior:
     """Distribution of a touch's motion, given the cloud and the prior."""
 
     motion: Float[np.ndarray, "6"]
-    """Mean of the particles, fitted to the cloud."""
+    """Mean of the particles around the best one, fitted to the cloud."""
     information: Float[np.ndarray, "6 6"]
     """Information of the cloud about the motion, without the prior."""
     vector: Float[np.ndarray, "6"]
@@ -54,9 +62,9 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     """Find the distribution of a touch's motion.
 
     Motions are drawn from the prior. Each is fitted to the cloud, as if its draw were the mean of the prior: it moves
-    only along the directions that the cloud constrains (randomise, then optimise; Bardsley et al., 2014). Its
-    weight is the likelihood there. So sliding along a surface stays as uncertain as the prior, unless the border of
-    the contact speaks against it.
+    only along the directions that the cloud constrains (randomise, then optimise; Bardsley et al., 2014), and is
+    weighted by its likelihood. So sliding along a surface stays as uncertain as the prior, unless the border of the
+    contact speaks against it. Around the likely motions more are drawn (population Monte Carlo).
 
     Args:
         likelihood: of the touch's motions.
@@ -64,18 +72,23 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
         floor: smallest deviation of the points from the surface, in millimetres.
         deviation: deviation of the points; it is estimated if it is not known.
     """
+    rng = np.random.default_rng(0)
     root = np.linalg.cholesky(prior.covariance)
     precision = np.linalg.inv(prior.covariance)
-    drawn = np.random.default_rng(0).normal(size=(PARTICLES, 6))
+    drawn = rng.normal(size=(PARTICLES, 6))
     drawn[0] = 0
-    start = prior.mean + drawn @ root.T
-    particles, level, freedom = _fitted(likelihood, start, precision, floor, deviation)
-    terms = likelihood.terms(particles, np.full(PARTICLES, level))
-    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
-    inverse = np.linalg.inv(information + precision)
-    checked = precision - precision @ inverse @ precision
-    away = particles - prior.mean
-    logs = TEMPER * likelihood.log(terms) - 0.5 * np.einsum("si,sij,sj->s", away, checked, away) + 0.5 * np.linalg.slogdet(inverse)[1]
+    first = prior.mean + drawn @ root.T
+    particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation)
+    logs, _, _ = _logs(likelihood, particles, prior, precision, level)
+    weights = np.exp(0.5 * (logs - logs.max()))
+    parents = np.searchsorted(np.cumsum(weights / weights.sum()), (np.arange(PARTICLES) + 0.5) / PARTICLES)
+    second = particles[parents] + rng.normal(size=(PARTICLES, 6)) @ root.T / NARROW
+    more, level, freedom = _fitted(likelihood, second, precision, floor, level if deviation is None else deviation)
+    starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
+    logs, information, inverse = _logs(likelihood, particles, prior, precision, level)
+    narrow = prior.covariance / NARROW**2
+    around = logsumexp([Prior(particles[parent], narrow).log(starts) for parent in parents], axis=0) - np.log(PARTICLES)
+    logs += prior.log(starts) - np.logaddexp(prior.log(starts), around)
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     best = int(weights.argmax())
@@ -85,10 +98,26 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, coarse=0)
     terms = likelihood.terms(motion, np.array([level]))
     own = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
-    spread = inverse - inverse @ precision @ inverse
-    jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ np.random.default_rng(1).normal(size=(PARTICLES, 6, 1))
     vector = own @ motion[0] + precision @ (motion[0] - mean)
+    spread = inverse - inverse @ precision @ inverse
+    jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
     return Posterior(motion[0], own, vector, level, freedom, particles + jitter[..., 0], weights)
+
+
+def _logs(
+    likelihood: Likelihood, particles: Motions, prior: Prior, precision: Float[np.ndarray, "6 6"], level: float
+) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s 6 6"], Float[np.ndarray, "s 6 6"]]:
+    """Return the logarithm of each particle's weight, the cloud's information, and the posterior covariance there.
+
+    Of the prior only the constrained directions count: along the others the particles are drawn from it.
+    """
+    terms = likelihood.terms(particles, np.full(len(particles), level))
+    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
+    inverse = np.linalg.inv(information + precision)
+    constrained = precision - precision @ inverse @ precision
+    away = particles - prior.mean
+    logs = likelihood.log(terms) - 0.5 * np.einsum("si,sij,sj->s", away, constrained, away)
+    return logs + 0.5 * np.linalg.slogdet(inverse)[1], information, inverse
 
 
 def _fitted(
@@ -108,8 +137,7 @@ def _fitted(
         motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
         count = np.maximum(terms.inside.sum(1) - 3, 0)
         if deviation is None:
-            found = (terms.inside * terms.distance**2).sum(1)
-            level = np.sqrt(found / np.maximum(count, 1))
+            level = np.sqrt((terms.inside * terms.distance**2).sum(1) / np.maximum(count, 1))
         else:
             level = np.full(len(start), deviation)
         level = np.maximum(level, floor)

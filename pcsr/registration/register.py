@@ -8,10 +8,10 @@ from jaxtyping import Float
 
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
-from pcsr.registration.arm import Arm, Evidence, stated
+from pcsr.registration.arm import Arm, Evidence
 from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
-from pcsr.registration.motions import carried, matrix
+from pcsr.registration.motions import carried, isotropic, matrix
 from pcsr.registration.point_errors import point_errors
 from pcsr.registration.records import RegisteredTouch, Registration
 from pcsr.registration.situation import Situation
@@ -42,7 +42,7 @@ def register(
     error = PoseError() if pose_error is None else pose_error
     centre = cloud.mean(0)
     margin = REACH * error.position + 2.0
-    prior = stated(max(error.position, 0.01), max(error.rotation, 0.01))
+    prior = isotropic(max(error.position, 0.01), np.radians(max(error.rotation, 0.01)))
     around = [Situation.of(touch, cloud, centre, margin) for touch in touches]
     likelihoods = [_likelihood(one) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]
