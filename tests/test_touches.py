@@ -51,7 +51,7 @@ def test_arrays_have_no_unit_and_stay_between_records_that_move(by_hand):
     assert GivenTouches.of([third.points]).registration(scan()) is None
 
 
-@pytest.mark.parametrize("trusted", [{"touch_as_is": True}, {"pose_error": PoseError(0, 0)}])
+@pytest.mark.parametrize("trusted", [{"touch_as_is": True}, {"pose_error": PoseError(0.0, 0.0)}])
 def test_trusted_poses_give_what_arrays_give(trusted):
     given = touches()
     np.testing.assert_array_equal(upsampled(given, **trusted), upsampled([one.points for one in given]))
@@ -68,7 +68,7 @@ def test_exact_touches_on_the_surface_stay_there():
 
 
 def test_the_error_is_the_argument_or_else_that_of_the_recording(by_hand, tmp_path):
-    recorded, given = PoseError(0.3, 0.2), PoseError(2, 1)
+    recorded, given = PoseError(0.3, 0.2), PoseError(2.0, 1.0)
     write(tmp_path / "touches", touches()[:2], NAMES[:2], pose_error=recorded)
     upsampled(tmp_path / "touches")
     upsampled(str(tmp_path / "touches"), pose_error=given)

@@ -87,7 +87,7 @@ def test_exact_poses_give_the_bytes_of_touches_as_they_are(folder, way):
 
 def test_the_error_of_the_command_is_taken_instead_of_the_recordings(folder, made_by_hand):
     assert upsample("--pose-error", "2, 1.5").exit_code == 0
-    assert made_by_hand == [PoseError(2, 1.5)]
+    assert made_by_hand == [PoseError(2.0, 1.5)]
 
 
 def test_quiet_names_refused_touches_alone(folder, made_by_hand):

@@ -51,7 +51,7 @@ def test_what_is_written_comes_back_to_the_last_bit(tmp_path_factory, touches):
         assert (a.unit, a.sensor, a.contact_area) == (b.unit, b.sensor, b.contact_area)
 
 
-@pytest.mark.parametrize("error", [None, PoseError(0, 0), PoseError(0.1 + 0.2, 45)])
+@pytest.mark.parametrize("error", [None, PoseError(0.0, 0.0), PoseError(0.1 + 0.2, 45.0)])
 def test_the_error_of_the_poses_comes_back(tmp_path, error):
     write(tmp_path, [one_touch()], pose_error=error)
     assert read(tmp_path).pose_error == error
