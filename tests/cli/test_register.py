@@ -50,10 +50,11 @@ def test_exact_touches_stay_and_the_corrected_recording_can_be_used(folder):
     for given, one, said in zip(by_hand.touches(), corrected.touches, plain["touches"], strict=True):
         assert np.linalg.norm(said["moved"]) < 0.05
         assert len(one.points) == said["points_used"] > 0.5 * len(given.points)
-    used = ["upsample", folder / "scan.ply", "--touch", folder / "corrected", "-o", folder / "dense.npy", "--rate", 2]
+    write_points(folder / "sparse.ply", by_hand.scan(400))
+    used = ["upsample", folder / "sparse.ply", "--touch", folder / "corrected", "-o", folder / "dense.npy", "--rate", 2]
     again = CliRunner().invoke(pcsr, [str(word) for word in [*used, "--model", "midpoint", "--jobs", 1]])
     assert again.exit_code == 0, again.output
-    assert "20000 points and 3 of 3 touches to 40000 by midpoint" in again.stderr
+    assert "400 points and 3 of 3 touches to 800 by midpoint" in again.stderr
 
 
 def test_the_table_and_the_offset_are_the_output(folder, made_by_hand):

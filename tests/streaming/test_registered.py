@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*are added to it as unseen surf
 
 @pytest.fixture
 def bowl(tmp_path):
-    write_cloud(tmp_path / "bowl.npy", Cloud(by_hand.scan()))
+    write_cloud(tmp_path / "bowl.npy", Cloud(by_hand.scan(1500)))
     return tmp_path / "bowl.npy"
 
 
@@ -37,12 +37,12 @@ def sorted_bowl(bowl, tmp_path):
 @pytest.mark.parametrize("unit", [1.0, 10.0])
 def test_points_near_are_those_in_the_widened_boxes_in_the_order_of_the_file(sorted_bowl, error, margin, unit):
     touches = [Touch.single(one.points, None, unit, "digit") for one in by_hand.touches()]
-    cloud = by_hand.scan()
+    cloud = by_hand.scan(1500)
     near = np.zeros(len(cloud), bool)
     for touch in touches:
         gap = np.maximum(np.maximum(touch.points.min(0) - cloud, cloud - touch.points.max(0)), 0)
         near |= np.linalg.norm(gap, axis=1) <= margin / unit
-    assert 50 < near.sum() < len(cloud)
+    assert 30 < near.sum() < len(cloud)
     np.testing.assert_array_equal(points_near(sorted_bowl, touches, error), cloud[near])
 
 
@@ -53,13 +53,13 @@ def test_a_turned_pose_needs_a_wider_margin(sorted_bowl):
 
 def test_of_too_many_points_a_random_part_is_used_and_always_the_same(sorted_bowl):
     every = points_near(sorted_bowl, by_hand.touches(), PoseError())
-    some, again = (points_near(sorted_bowl, by_hand.touches(), PoseError(), most=200) for _ in range(2))
+    some, again = (points_near(sorted_bowl, by_hand.touches(), PoseError(), most=100) for _ in range(2))
     np.testing.assert_array_equal(some, again)
-    assert len(some) == 200
+    assert len(some) == 100
     row = {tuple(point): index for index, point in enumerate(every)}
     rows = [row[tuple(point)] for point in some]
     assert rows == sorted(rows)
-    np.testing.assert_allclose(some.mean(0), every.mean(0), atol=5)
+    np.testing.assert_allclose(some.mean(0), every.mean(0), atol=8)
 
 
 def test_where_no_point_is_near_those_of_the_nearest_tile_are_used(sorted_bowl):
@@ -84,16 +84,16 @@ def made_by_hand(monkeypatch):
 
 
 def test_registered_touches_are_used_and_refused_ones_are_named(bowl, tmp_path, made_by_hand):
-    cloud, given = by_hand.scan(), by_hand.touches()
+    cloud, given = by_hand.scan(1500), by_hand.touches()
     hole = np.linalg.norm(cloud[:, :2] - given[1].points.mean(0)[:2], axis=1) < 9
     write_cloud(bowl, Cloud(cloud[~hole]))
     found = []
-    registered = stream(bowl, tmp_path / "out.npy", touches=given, registered=found.append)
+    registered = stream(bowl, tmp_path / "out.npy", 2, touches=given, registered=found.append)
     assert [one.verdict for one in found[0].touches] == ["kept", "moved", "refused"]
     used = [one.touch.points for one in found[0].touches[:2]]
-    assert registered == stream(bowl, tmp_path / "arrays.npy", touches=used)
-    assert registered == stream(bowl, tmp_path / "records.npy", touches=found[0])
-    assert registered != stream(bowl, tmp_path / "as_is.npy", touches=given, touch_as_is=True)
+    assert registered == stream(bowl, tmp_path / "arrays.npy", 2, touches=used)
+    assert registered == stream(bowl, tmp_path / "records.npy", 2, touches=found[0])
+    assert registered != stream(bowl, tmp_path / "as_is.npy", 2, touches=given, touch_as_is=True)
     assert len(made_by_hand) == 1
     with pytest.warns(PcsrWarning, match="1 of 3 touches are refused and not used: touch 2: it fits nowhere"):
         stream(bowl, tmp_path / "again.npy", touches=given)
