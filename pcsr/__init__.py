@@ -14,6 +14,7 @@ from pcsr.version import __version__
 if TYPE_CHECKING:
     from pcsr import metrics, recorded
     from pcsr.clouds.meshes import read_mesh
+    from pcsr.clouds.pose_error import PoseError
     from pcsr.clouds.touch import Touch
     from pcsr.contracts import (
         Backbone,
@@ -37,11 +38,13 @@ if TYPE_CHECKING:
     from pcsr.model import Model, load
     from pcsr.options import Choice, Options
     from pcsr.plugins.registry import Register
+    from pcsr.registration import RegisteredTouch, Registration, register
     from pcsr.weights.file import read_card
 
 
 _HOMES = {
     "Touch": "pcsr.clouds.touch",
+    "PoseError": "pcsr.clouds.pose_error",
     "read_mesh": "pcsr.clouds.meshes",
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
@@ -49,6 +52,7 @@ _HOMES = {
     "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
+    **dict.fromkeys(("RegisteredTouch", "Registration", "register"), "pcsr.registration"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     **dict.fromkeys(
         (
@@ -84,7 +88,10 @@ __all__ = [
     "Options",
     "PcsrError",
     "PcsrWarning",
+    "PoseError",
     "Register",
+    "RegisteredTouch",
+    "Registration",
     "RunError",
     "ShapeItem",
     "ShapeSource",
@@ -107,6 +114,7 @@ __all__ = [
     "read_card",
     "read_mesh",
     "recorded",
+    "register",
 ]
 
 

@@ -13,14 +13,14 @@ from scipy.spatial import cKDTree
 from pcsr.clouds.cloud import MADE, TOUCHED, Cloud
 from pcsr.clouds.convert import convert
 from pcsr.clouds.faults import Bad, ScreenedCloud, screen
-from pcsr.clouds.touch import Touch
+from pcsr.clouds.pose_error import PoseError
 from pcsr.errors import UserError
-from pcsr.geometry.checks import check_frame
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
+from pcsr.touches import GivenTouches, TouchesLike
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.denoised_cloud import denoise_cloud
 from pcsr.upsample.dense import densify
@@ -30,16 +30,10 @@ from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
 """Name of the model that interpolates and needs no weights."""
-MOST_DISTANCE = 0.5
-"""Largest distance of a touch from the cloud, in diameters of the cloud."""
-MOST_SIZE = 2.0
-"""Largest diameter of a touch, in diameters of the cloud."""
 FIELDS = ("source",)
 """Columns that the result can have on request."""
 RATES = (1.1, 64.0)
 """Smallest and largest rate."""
-
-TouchesLike = str | Path | Sequence[Any]
 
 
 @dataclass(frozen=True)
@@ -77,6 +71,8 @@ class Model:
         fields: Sequence[str] = (),
         bad: Bad = "refuse",
         denoise: bool | int | float = False,
+        pose_error: PoseError | None = None,
+        touch_as_is: bool = False,
         jobs: int = 1,
         scheduler: str | None = None,
         advance: Callable[[int, int], None] = lambda done, total: None,
@@ -86,8 +82,10 @@ class Model:
         Args:
             points: (n, 3), in any frame and unit: a numpy array, a torch tensor, a trimesh or an Open3D cloud, a
                 `pcsr.clouds.cloud.Cloud`, or what `pcsr.clouds.faults.screen` returned.
-            touches: touches in the frame and unit of `points`: arrays (m, 3), `Touch` records, or a folder with a
-                recording.
+            touches: touches in the frame and unit of `points`: a folder with a recording, `Touch` records, arrays
+                (m, 3), or a `Registration`. Those of a folder and records are registered to the points that are used,
+                after `denoise`. Arrays have no unit and are used as they are; of a `Registration` refused touches are
+                left out.
             rate: output points for each used input point, 1.1 to 64; 4 by default. Of exact duplicates one is used.
             count: number of output points, instead of a rate.
             keep: whether the input points are part of the output, before the new points.
@@ -98,6 +96,8 @@ class Model:
                 the output and makes the new points as if they were not there.
             denoise: move the input points onto the surface before new ones are made: the standard deviation of the
                 noise in the unit of `points`, or True to estimate it. Without noise nothing moves. Touches stay.
+            pose_error: error of the poses of the touches; that of the recording by default, or else 1 mm and 2 degrees.
+            touch_as_is: use the touches where they were reported, without registration.
             jobs: number of processes.
             scheduler: address of a Dask scheduler whose workers are used instead of local processes.
             advance: called with the number of points processed and the number of all, summed over the passes.
@@ -111,7 +111,8 @@ class Model:
                 points or the noise is out of range, or a field is unknown or has no place in a cloud of this kind.
 
         Warns:
-            PcsrWarning: points were dropped or not used, or touched points lie where the cloud has no points.
+            PcsrWarning: points were dropped or not used, touches are refused by the registration, or touched points
+                lie where the cloud has no points.
 
         Examples:
             >>> cloud = np.random.default_rng(0).normal(size=(100, 3))
@@ -131,9 +132,11 @@ class Model:
         cloud = screened.points
         unused = len(screened.used) - len(cloud) if keep else 0
         wanted = output_count(len(cloud), unused, rate, count)
+        given_touches = GivenTouches.of(touches, pose_error, as_is=touch_as_is)
+        given_touches.check(cloud)
         power = exponent([cloud])
+        touched = given_touches.moved(given_touches.registration(cloud)).points(power)
         cloud = scaled(cloud, -power)
-        touched = touched_points(touches, cloud, power)
         with worker_pool(jobs, scheduler) as workers:
             source = candidates(self, alone=workers.executor is None)
             new = densify(
@@ -253,36 +256,3 @@ def output_count(n: int, unused: int, rate: float | int | None, count: int | Non
             f"rate is {rate:g}: it must be {RATES[0]:g} to {RATES[1]:g}; for fewer points give a count (--points)"
         )
     return round(rate * n)
-
-
-def touched_points(touches: TouchesLike, cloud: Float[np.ndarray, "n 3"], power: int) -> list[Float[np.ndarray, "_ 3"]]:
-    """Return the points of each touch in the frame of the cloud, which was divided by 2^power."""
-    if isinstance(touches, str | Path):
-        from pcsr.recorded import read  # here, since its layouts are slow to import
-
-        touches = read(Path(touches)).touches
-    touched = [
-        np.asarray(touch.points if isinstance(touch, Touch) else convert(touch).cloud.points) for touch in touches
-    ]
-    if not touched:
-        return []
-    middle = cloud.mean(0)
-    radius = float(np.linalg.norm(cloud - middle, axis=1).max())
-    for number, touch in enumerate(touched):
-        touch = touched[number] = scaled(touch, -power)
-        if len(touch) == 0 or not np.isfinite(touch).all():
-            raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
-        with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
-            size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
-            away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
-        check_frame(
-            f"touch {number}",
-            "the cloud",
-            distance=away,
-            extent=2 * radius,
-            most_distance=MOST_DISTANCE,
-            size=size,
-            most_size=MOST_SIZE,
-            power=power,
-        )
-    return touched

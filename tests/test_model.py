@@ -90,7 +90,7 @@ def test_the_default_weights_listen_to_touches_of_every_form(default, tmp_path):
         str(tmp_path / "touches"),
         [torch.from_numpy(touch) for touch in touches],
     ):
-        np.testing.assert_array_equal(default.upsample(points, same, rate=2), touched)
+        np.testing.assert_array_equal(default.upsample(points, same, rate=2, touch_as_is=True), touched)
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(1000.0, 0.0), (1.0, 50.0)])

@@ -8,8 +8,10 @@ import click
 from pcsr.cli import streams
 from pcsr.cli.denoising import DENOISE, DenoisingCommand, denoised
 from pcsr.cli.options import FILE, PLUGIN, columns_option, jobs_option
+from pcsr.cli.registered import RegistrationOutput
 from pcsr.cli.streaming import PIPE, is_streamed, stages
-from pcsr.cli.upsample_options import default_jobs, load_model, read_touches
+from pcsr.cli.touch_options import TouchOptions, touch_options
+from pcsr.cli.upsample_options import default_jobs, load_model
 from pcsr.cli.warnings_shown import yellow_warnings, yellow_warnings_at_once
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     "--points", "count", type=click.IntRange(1), default=None, help="Number of output points, instead of a rate."
 )
 @DENOISE
-@click.option("--touch", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
+@touch_options
 @click.option("--model", default=None, help="Weights: a name, run folder or file; or midpoint.  [default: field]")
 @click.option(
     "--mesh",
@@ -80,7 +82,7 @@ def upsample(
     rate: float | None,
     count: int | None,
     denoise: bool | float | None,
-    touch: Path | None,
+    touch: TouchOptions,
     model: str | None,
     mesh: Path | None,
     fields: tuple[str, ...],
@@ -122,8 +124,8 @@ def upsample(
     target = out if out != PIPE else Path(f"pipe{kind}")
     writable(target)  # before the work, not after it
 
-    def report(given: int, written: int, model_name: str, used: int, recorded: int) -> None:
-        touched = f" and {used} of {recorded} touches" if used else ""
+    def report(given: int, written: int, model_name: str, touches: RegistrationOutput) -> None:
+        touched = f" and {touches.used} of {touches.all} touches" if touches.all else ""
         seconds = time.perf_counter() - start
         console.print(
             f"{given} points{touched} to {written} by {model_name} in {seconds:.1f} s: {out}",
@@ -134,25 +136,29 @@ def upsample(
     if is_streamed(cloud, chosen, out, stream, mesh=mesh, columns=columns, denoise=denoise is not None):
         from pcsr.streaming import upsample_file
 
-        touches, recorded = read_touches(touch)
+        recording = touch.read()
+        touches = RegistrationOutput(recording, console, touch.report)
         with yellow_warnings_at_once(console), progress_bars(console, hidden=quiet) as progress:
             loaded = load_model(model, plugins, device)
             streamed = upsample_file(
                 loaded,
                 cloud,
                 out,
-                touches,
+                recording.touches,
                 rate,
                 count=count,
                 keep=not replace,
                 fields=fields,
                 bad=bad,
+                pose_error=recording.pose_error,
+                touch_as_is=touch.as_is,
                 suffix=chosen,
                 jobs=jobs or default_jobs(None, device),
                 scheduler=scheduler,
+                registered=touches,
                 advance=stages(progress),
             )
-        report(streamed.given, streamed.written, loaded.name, len(touches), recorded)
+        report(streamed.given, streamed.written, loaded.name, touches)
         return
     if out == PIPE:
         streams.open_output()
@@ -165,20 +171,22 @@ def upsample(
         )
         given = screen(read, bad, name)
     writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
-    touches, recorded = read_touches(touch)
+    touches = RegistrationOutput(touch.read(), console, touch.report)
     if denoise is not None:
         jobs_then = jobs or default_jobs(len(given.points), device)
         given = denoised(given, denoise, jobs=jobs_then, scheduler=scheduler, console=console, quiet=quiet)
     with yellow_warnings(console), progress_bars(console, hidden=quiet) as progress:
         loaded = load_model(model, plugins, device)
+        used = touches.register(given.points, progress, as_is=touch.as_is)
         task = progress.add_task("upsampling", total=int(given.used.sum()))
         dense = loaded.upsample(
             given,
-            touches,
+            used,
             rate,
             count=count,
             keep=not replace,
             fields=fields,
+            touch_as_is=touch.as_is,
             jobs=jobs or default_jobs(len(given.points), device),
             scheduler=scheduler,
             advance=lambda done, total: progress.update(task, completed=done, total=total),
@@ -191,4 +199,4 @@ def upsample(
     if mesh is not None:
         dense = dense if replace else given.without_kept(dense)
         console.print(f"{write_surface(mesh, dense)} triangles: {mesh}", markup=False, soft_wrap=True)
-    report(len(given.cloud), written, loaded.name, len(touches), recorded)
+    report(len(given.cloud), written, loaded.name, touches)

@@ -1,28 +1,13 @@
-"""Values of the options of `pcsr upsample`: touches, model, device and number of processes."""
+"""Values of the options of `pcsr upsample`: model, device and number of processes."""
 
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
-    from pcsr.clouds.touch import Touch
     from pcsr.model import Model
-
-
-def read_touches(folder: Path | None) -> tuple[list["Touch"], int]:
-    """Read a recording, and name the touches that are skipped; return the others and the number of all."""
-    if folder is None:
-        return [], 0
-    from pcsr.recorded import read
-
-    recording = read(folder)
-    for name, reason in recording.skipped.items():  # also with --quiet
-        click.echo(f"touch {name} is skipped: {reason}", err=True)
-    return recording.touches, len(recording.touches) + len(recording.skipped)
 
 
 def load_model(model: str | None, plugins: tuple[Path, ...], device: str) -> "Model":

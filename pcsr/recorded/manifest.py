@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
+from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION, PoseError
 from pcsr.errors import UserError
 from pcsr.validation_messages import described
 
@@ -145,10 +146,29 @@ class GraspEntry(Strict):
     """File of the order of the grasp's points: indices into the points of all fingers, one finger after another."""
 
 
-class RecordingManifest(Strict):
-    """Content of `touches.json`. Touches are validated one by one later, so that a bad one does not stop the others."""
+class RecordedPoseError(Strict):
+    """Error of the poses of a recording: the fields of `PoseError`."""
+
+    position: Annotated[float, Field(ge=0, le=MOST_POSITION)]
+    rotation: Annotated[float, Field(ge=0, le=MOST_ROTATION)]
+
+
+class Manifest(Strict):
+    """Keys of every `touches.json`."""
 
     format: Literal[1]
+    pose_error: RecordedPoseError | None = None
+    """Error of the poses; None if it is unknown."""
+
+    @property
+    def known_pose_error(self) -> PoseError | None:
+        """The error of the poses, as the registration takes it."""
+        return None if self.pose_error is None else PoseError(self.pose_error.position, self.pose_error.rotation)
+
+
+class RecordingManifest(Manifest):
+    """Content of `touches.json`. Touches are validated one by one later, so that a bad one does not stop the others."""
+
     unit: Length
     object_unit: Length
     frame: Literal["sensor", "object"]
@@ -165,10 +185,9 @@ class RecordingManifest(Strict):
         return self
 
 
-class LayoutManifest(Strict):
+class LayoutManifest(Manifest):
     """Content of `touches.json` in a folder that has the layout of another data set."""
 
-    format: Literal[1]
     layout: dict[str, Any]
 
 
@@ -237,6 +256,7 @@ def _fields(model: type[BaseModel], loc: tuple[Any, ...]) -> list[str]:
         "<quaternion>": QuaternionPose,
         "<euler>": EulerPose,
         "intrinsics": Intrinsics,
+        "pose_error": RecordedPoseError,
     }
     owners = [nested[key] for key in loc[:-1] if key in nested]
     return list((owners or [model])[-1].model_fields)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.formats import read_points
+from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.files import inside
@@ -53,6 +54,8 @@ class Recording:
     """Name of each touch, or else its file."""
     skipped: dict[str, str]
     """Names of unusable touches, with the reasons."""
+    pose_error: PoseError | None = None
+    """Error of the poses; None if the recording does not state it."""
 
 
 def read(folder: Path | str) -> Recording:
@@ -75,14 +78,15 @@ def read(folder: Path | str) -> Recording:
     folder = folder.parent if folder.name == MANIFEST else folder
     path = folder / MANIFEST
     plain = _json(path)
-    recording = Recording([], [], {})
     try:
-        if "layout" in plain:
-            found = _from_layout(folder, plain)
+        recorded = _manifest(plain)
+        if isinstance(recorded, RecordingManifest):
+            found = _listed(folder, recorded)
         else:
-            found = _listed(folder, checked(RecordingManifest, plain, ""))
+            found = layouts.read(folder, recorded.layout)
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
+    recording = Recording([], [], {}, recorded.known_pose_error)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # touches that are not finite are skipped
         _sort(folder, found, recording)
     if not recording.touches:
@@ -152,10 +156,12 @@ def _json(path: Path) -> dict[str, Any]:
     return plain
 
 
-def _from_layout(folder: Path, plain: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
+def _manifest(plain: dict[str, Any]) -> RecordingManifest | LayoutManifest:
+    if "layout" not in plain:
+        return checked(RecordingManifest, plain, "")
     if "touches" in plain:
         raise UserError(f"{MANIFEST}: it has the keys touches and layout: remove one of them")
-    return layouts.read(folder, checked(LayoutManifest, plain, "").layout)
+    return checked(LayoutManifest, plain, "")
 
 
 def _listed(folder: Path, recorded: RecordingManifest) -> Iterator[tuple[str, Touch | str]]:

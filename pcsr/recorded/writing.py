@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pcsr.clouds.formats import read_points, write_points
+from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import RunError, UserError
 from pcsr.files import inside, write_text, write_whole
@@ -17,7 +18,12 @@ from pcsr.recorded.reading import MANIFEST
 
 
 def write(
-    folder: Path, touches: Sequence[Touch], names: Sequence[str] | None = None, *, overwrite: bool = False
+    folder: Path,
+    touches: Sequence[Touch],
+    names: Sequence[str] | None = None,
+    *,
+    overwrite: bool = False,
+    pose_error: PoseError | None = None,
 ) -> None:
     """Write touches of one object as a recording, from which `read` returns the same touches to the last bit.
 
@@ -28,6 +34,7 @@ def write(
         touches: touches with the same unit.
         names: name of each touch.
         overwrite: replace the recording in the folder.
+        pose_error: error of the poses; None if it is unknown.
 
     Raises:
         UserError: the folder holds a recording already, a file that does not belong to one would be overwritten, or a
@@ -54,7 +61,15 @@ def write(
     for index, (entry, touch) in enumerate(zip(entries, touches, strict=True)):
         entry |= {} if names is None else {"name": names[index]}
         entry |= {} if touch.sensor == touches[0].sensor else {"sensor": touch.sensor}
-    head = {"format": 1, "unit": "mm", "object_unit": units[0], "frame": "object", "sensor": touches[0].sensor}
+    head: dict[str, Any] = {
+        "format": 1,
+        "unit": "mm",
+        "object_unit": units[0],
+        "frame": "object",
+        "sensor": touches[0].sensor,
+    }
+    if pose_error is not None:
+        head["pose_error"] = {"position": float(pose_error.position), "rotation": float(pose_error.rotation)}
     text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
     text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
     foreign = [file for file in clouds.keys() - (old or set()) if not _free(folder / file, clouds[file])]

@@ -16,14 +16,17 @@ from pcsr.clouds.formats.row_writing import Rows, RowWriter, row_writer
 from pcsr.errors import RunError, UserError
 from pcsr.files import write_whole
 from pcsr.geometry.magnitude import exponent, scaled
-from pcsr.model import Model, TouchesLike, candidates, output_count, touched_points
+from pcsr.model import Model, candidates, output_count
+from pcsr.registration import Registration
 from pcsr.streaming.examples import with_new_points
 from pcsr.streaming.filling import SortedCloud, touches_near
+from pcsr.streaming.registered import registered
 from pcsr.streaming.sorting import EXAMPLES, USED, Plan, Tile
 from pcsr.streaming.stored import unpacked
 from pcsr.streaming.touched import Unseen
 from pcsr.streaming.work_folder import WorkFolder, check_room
 from pcsr.tensors import CloudArray
+from pcsr.touches import GivenTouches
 from pcsr.upsample.dense import densify
 from pcsr.workers import WorkerPool
 
@@ -68,15 +71,16 @@ class Job:
         plan: Plan,
         target: Path,
         request: Request,
-        touches: TouchesLike,
+        touches: GivenTouches,
+        report: Callable[[Registration], None] | None = None,
     ) -> "Job":
-        """Prepare the upsampling.
+        """Prepare the upsampling; `report` is called with the registration of the touches.
 
         Raises:
             UserError: as of `upsample_file`.
 
         Warns:
-            PcsrWarning: touched points lie where the cloud has no points.
+            PcsrWarning: touches are refused and `report` is None, or touched points lie where the cloud has no points.
         """
         kept = cloud.count if request.bad != "drop" else plan.used
         unused = kept - plan.used if request.keep else 0
@@ -96,7 +100,8 @@ class Job:
         tiles = SortedCloud(work, plan, list(first.columns), first.about)
         corners = np.concatenate([tiles.lowers, tiles.uppers])
         power = exponent([corners])
-        touched = touched_points(touches, scaled(corners, -power), power)
+        touches.check(corners)
+        touched = registered(touches, tiles, report).points(power)
         patch = candidates(model, alone=True).size
         unseen = Unseen.of(tiles, touched, patch, power)
         unseen.warn(new)

@@ -11,8 +11,10 @@ import numpy as np
 from pcsr.clouds.faults import Bad
 from pcsr.clouds.formats import writable
 from pcsr.clouds.formats.chunks import CHUNKED, open_chunks
+from pcsr.clouds.pose_error import PoseError
 from pcsr.errors import UserError
-from pcsr.model import Model, TouchesLike, check_fields, output_count
+from pcsr.model import Model, check_fields, output_count
+from pcsr.registration import Registration
 from pcsr.streaming.fingerprint import command_of
 from pcsr.streaming.job import Job, Request
 from pcsr.streaming.sorting import Plan, sort
@@ -24,6 +26,7 @@ from pcsr.streaming.work_folder import (
     full_disk_explained,
     refused_without_trace,
 )
+from pcsr.touches import GivenTouches, TouchesLike
 from pcsr.workers import worker_pool
 
 RATE = 4
@@ -58,10 +61,13 @@ def upsample_file(
     keep: bool = True,
     fields: Sequence[str] = (),
     bad: Bad = "refuse",
+    pose_error: PoseError | None = None,
+    touch_as_is: bool = False,
     suffix: str | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
     tile: int = TILE,
+    registered: Callable[[Registration], None] | None = None,
     advance: Advance = lambda what, done, total: None,
 ) -> Streamed:
     """Upsample a cloud from file to file. Memory does not grow with the size of the cloud.
@@ -77,16 +83,20 @@ def upsample_file(
         model: model, as `pcsr.load` returns it.
         source: PLY (binary, without lists), NPY, LAS or LAZ file.
         target: file of the result, of one of these formats.
-        touches: as of `Model.upsample`.
+        touches: as of `Model.upsample`. They are registered to the points near them.
         rate: as of `Model.upsample`.
         count: as of `Model.upsample`.
         keep: as of `Model.upsample`.
         fields: as of `Model.upsample`.
         bad: as of `Model.upsample`.
+        pose_error: as of `Model.upsample`.
+        touch_as_is: as of `Model.upsample`.
         suffix: suffix of the format of `source`; by default that of its name.
         jobs: number of processes. The result does not depend on it.
         scheduler: address of a Dask scheduler, as of `Model.upsample`.
         tile: number of points that are in memory at once, about. The result depends on it.
+        registered: called with the registration of the touches, if there is one, before the tiles are upsampled. By
+            default a warning names the refused touches.
         advance: called with a word for the work, the number of points that are done, and the number of all points.
 
     Raises:
@@ -95,7 +105,8 @@ def upsample_file(
         RunError: the disk is full, or a process died. What is finished is kept.
 
     Warns:
-        PcsrWarning: points were dropped or not used, or touched points lie where the cloud has no points.
+        PcsrWarning: points were dropped or not used, touches are refused, or touched points lie where the cloud has no
+            points.
 
     Examples:
         >>> from pcsr.streaming import upsample_file
@@ -116,7 +127,8 @@ def upsample_file(
     if target.exists() and source.samefile(target):
         raise UserError(f"{target} is the cloud itself, which is read until the end: name another file as OUT")
     growth = rate or (count or RATE * cloud.count) / cloud.count
-    command = command_of(model, source, touches, rate=rate, count=count, keep=keep, fields=fields, bad=bad, tile=tile)
+    given = GivenTouches.of(touches, pose_error, as_is=touch_as_is)
+    command = command_of(model, source, given, rate=rate, count=count, keep=keep, fields=fields, bad=bad, tile=tile)
     work = WorkFolder(target)
     with damage_explained(work), work.opened(command), full_disk_explained(work):
         with refused_without_trace(work):
@@ -127,7 +139,8 @@ def upsample_file(
                 plan = sort(cloud, work, max(1, min(tile, int(MOST_NEW / growth))), bad, partial(advance, "sorting"))
             else:
                 plan = Plan.of(saved)
-            job = Job.of(model, cloud, work, plan, target, Request(rate, count, keep, tuple(fields), bad), touches)
+            request = Request(rate, count, keep, tuple(fields), bad)
+            job = Job.of(model, cloud, work, plan, target, request, given, registered)
             job.check_room()
         with worker_pool(jobs, scheduler) as pool, refused_without_trace(work):
             job.upsample(pool, partial(advance, "upsampling"))

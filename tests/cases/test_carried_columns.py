@@ -136,7 +136,7 @@ def test_sources_are_written_in_every_format_with_columns(tmp_path, suffix, keep
     pytest.importorskip({".pcd": "pypcd4", ".las": "laspy"}.get(suffix, "numpy"))
     write_cloud(tmp_path / "scan.ply", Cloud(bowl()))
     write(tmp_path / "touches", [Touch.single(under(), np.eye(4), 1.0, "digit")])
-    words = ["--fields", "source", "--touch", tmp_path / "touches", *([] if keep else ["--replace"])]
+    words = ["--fields", "source", "--touch", tmp_path / "touches", "--touch-as-is", *([] if keep else ["--replace"])]
     dense = upsampled(tmp_path / "scan.ply", *words, out=tmp_path / f"out{suffix}")
     source = dense.columns["source"]
     below = dense.points[:, 2] < -0.5

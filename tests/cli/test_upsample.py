@@ -121,7 +121,7 @@ def test_touches_are_used_and_those_of_no_use_are_said(scan, tmp_path):
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "--rate", 2)
     plain = run(*command, "-o", tmp_path / "plain.npy")
-    done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches")
+    done = run(*command, "-o", tmp_path / "out.npy", "--touch", tmp_path / "touches", "--touch-as-is")
     assert (plain.exit_code, done.exit_code) == (0, 0), done.output
     assert "touch 1.ply is skipped: " in done.output
     assert "80 points and 1 of 2 touches to 160 by field" in done.output
@@ -226,7 +226,7 @@ def test_a_touch_that_is_left_out_is_told_even_to_who_wants_quiet(scan, tmp_path
     write(tmp_path / "touches", [Touch.single(read_points(scan)[:40], None, 1000.0, "digit")] * 2)
     (tmp_path / "touches" / "1.ply").write_text("noise")
     command = ("upsample", scan, "-o", tmp_path / "out.ply", "--touch", tmp_path / "touches", "--model", "midpoint")
-    done = run(*command, "--quiet")
+    done = run(*command, "--touch-as-is", "--quiet")
     assert done.exit_code == 0, done.output
     assert done.output.startswith("touch 1.ply is skipped: ")
     assert len(done.output.strip().splitlines()) == 1
@@ -238,10 +238,10 @@ def test_the_command_and_python_give_the_same_bytes(tmp_path, model, touched):
     cloud, touches = bowl(), [Touch.single(bowl(400, 1)[:60], None, 1.0, "digit")] if touched else []
     np.save(tmp_path / "in.npy", cloud)
     write(tmp_path / "touches", touches or [Touch.single(cloud[:5], None, 1.0, "digit")])
-    more = ["--touch", tmp_path / "touches"] if touched else []
+    more = ["--touch", tmp_path / "touches", "--touch-as-is"] if touched else []
     done = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--model", model, "--rate", 3, *more)
     assert done.exit_code == 0, done.output
-    dense = load(model).upsample(cloud, touches, rate=3)
+    dense = load(model).upsample(cloud, touches, rate=3, touch_as_is=True)
     assert dense.shape == (240, 3)
     np.save(tmp_path / "python.npy", dense)
     assert (tmp_path / "out.npy").read_bytes() == (tmp_path / "python.npy").read_bytes()

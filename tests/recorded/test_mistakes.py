@@ -63,6 +63,13 @@ def test_where_nothing_is_of_use_all_reasons_are_given(folder):
         ({"touches": []}, r"touches\.json: touches: "),
         ({"pose_to": "world"}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
         ({"object_pose": STILL}, r"touches\.json: the file: pose_to 'world' and object_pose.* go together"),
+        ({"pose_error": {"position": -1, "rotation": 0}}, r"pose_error\.position: it must be 0 or more, got -1"),
+        ({"pose_error": {"position": 101, "rotation": 0}}, r"pose_error\.position: it must be at most 100, got 101"),
+        ({"pose_error": {"position": 1, "rotation": 46}}, r"pose_error\.rotation: it must be at most 45, got 46"),
+        ({"pose_error": {"position": "1", "rotation": 1}}, r"pose_error\.position: it must be a number, got '1'"),
+        ({"pose_error": {"position": 1}}, r"touches\.json: pose_error\.rotation is missing: add it"),
+        ({"pose_error": {"position": 1, "rotation": 1, "turn": 1}}, r"pose_error takes no 'turn'"),
+        ({"pose_error": 1}, r"touches\.json: pose_error: it must be a mapping, got 1"),
         ({"layout": {"name": "smith-2020"}}, "it has the keys touches and layout: remove one"),
     ],
 )
@@ -98,6 +105,13 @@ def test_all_mistakes_of_a_manifest_are_told_at_once(folder):
 def test_layouts_are_checked(tmp_path, layout, expected):
     (tmp_path / MANIFEST).write_text(json.dumps({"format": 1, "layout": layout}))
     with pytest.raises(UserError, match=expected):
+        read(tmp_path)
+
+
+def test_an_error_of_poses_beside_a_layout_is_checked_too(tmp_path):
+    manifest = {"format": 1, "layout": {"name": "smith-2020"}, "pose_error": {"position": 1, "rotation": 50}}
+    (tmp_path / MANIFEST).write_text(json.dumps(manifest))
+    with pytest.raises(UserError, match=r"pose_error\.rotation: it must be at most 45, got 50"):
         read(tmp_path)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pcsr import RunError, Touch, UserError
+from pcsr import PoseError, RunError, Touch, UserError
 from pcsr.recorded import MANIFEST, read, write
 from tests.recorded.recordings import CLOUD, one_touch
 
@@ -49,6 +49,12 @@ def test_what_is_written_comes_back_to_the_last_bit(tmp_path_factory, touches):
             assert one.shape == other.shape
             assert one.tobytes() == other.tobytes()
         assert (a.unit, a.sensor, a.contact_area) == (b.unit, b.sensor, b.contact_area)
+
+
+@pytest.mark.parametrize("error", [None, PoseError(0.0, 0.0), PoseError(0.1 + 0.2, 45.0)])
+def test_the_error_of_the_poses_comes_back(tmp_path, error):
+    write(tmp_path, [one_touch()], pose_error=error)
+    assert read(tmp_path).pose_error == error
 
 
 def test_a_recording_is_not_overwritten_unless_asked(tmp_path):

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from pcsr import UserError
+from pcsr import PoseError, UserError
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import read
 
@@ -100,3 +100,13 @@ def test_what_nobody_can_guess_must_be_said(tmp_path, key):
 def test_a_mistake_in_a_pose_is_named_with_its_number(tmp_path):
     with pytest.raises(UserError, match=r"layout\.poses\.4\.order: it must be 'xyzw' or 'wxyz', got 'xyz'"):
         say(tmp_path, poses={"4": STILL | {"order": "xyz"}})
+
+
+def test_the_error_of_the_poses_is_beside_the_layout(tmp_path):
+    write_points(tmp_path / "pc_1.pcd", pixels())
+    say(tmp_path)
+    manifest = json.loads((tmp_path / "touches.json").read_text())
+    manifest["pose_error"] = {"position": 0.3, "rotation": 1}
+    (tmp_path / "touches.json").write_text(json.dumps(manifest))
+    assert read(tmp_path).pose_error == PoseError(0.3, 1.0)
+    assert say(tmp_path).pose_error is None

@@ -1,0 +1,138 @@
+"""Touches that a cloud is upsampled with: read, checked, and registered to the cloud."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.clouds.convert import convert
+from pcsr.clouds.pose_error import PoseError
+from pcsr.clouds.touch import Touch
+from pcsr.errors import PcsrWarning, UserError
+from pcsr.geometry.checks import check_frame
+from pcsr.geometry.magnitude import exponent, scaled
+from pcsr.registration import Registration, register
+
+MOST_DISTANCE = 0.5
+"""Largest distance of a touch from the cloud, in diameters of the cloud."""
+MOST_SIZE = 2.0
+"""Largest diameter of a touch, in diameters of the cloud."""
+MOST_NAMED = 5
+"""Most refused touches that a warning names."""
+
+TouchesLike = str | Path | Sequence[Any] | Registration
+"""Folder of a recording, `Touch` records and arrays of points, or touches that are registered already."""
+CloudPoints = Float[np.ndarray, "_ 3"]
+
+
+@dataclass(frozen=True)
+class GivenTouches:
+    """Touches in the frame and unit of a cloud."""
+
+    touches: list[Touch | CloudPoints]
+    names: list[str]
+    """Name of each touch in messages."""
+    pose_error: PoseError | None
+    """Error of the poses; None if it is unknown."""
+    as_is: bool
+    """Whether no touch is registered."""
+
+    @classmethod
+    def of(cls, touches: TouchesLike, pose_error: PoseError | None = None, *, as_is: bool = False) -> "GivenTouches":
+        """Read touches of any kind.
+
+        Args:
+            touches: a recording's folder, `Touch` records, clouds of any kind, or a `Registration`, whose refused
+                touches are left out.
+            pose_error: error of the poses; that of the recording by default.
+            as_is: use the poses as they are reported.
+
+        Raises:
+            UserError: the recording cannot be read, or a touch is no cloud.
+        """
+        if isinstance(touches, Registration):
+            used = [(index, one.touch) for index, one in enumerate(touches.touches) if one.verdict != "refused"]
+            return cls([touch for _, touch in used], [f"touch {index}" for index, _ in used], None, True)
+        if isinstance(touches, str | Path):
+            from pcsr.recorded import read  # here, since its layouts are slow to import
+
+            recording = read(Path(touches))
+            names = [f"touch {index} ({name})" for index, name in enumerate(recording.names)]
+            return cls(list(recording.touches), names, pose_error or recording.pose_error, as_is)
+        given = [touch if isinstance(touch, Touch) else np.asarray(convert(touch).cloud.points) for touch in touches]
+        return cls(given, [f"touch {index}" for index in range(len(given))], pose_error, as_is)
+
+    def points(self, power: int) -> list[CloudPoints]:
+        """Return the points of each touch, divided by 2^power."""
+        return [scaled(touch.points if isinstance(touch, Touch) else touch, -power) for touch in self.touches]
+
+    def check(self, cloud: Float[np.ndarray, "n 3"]) -> None:
+        """Check that the touches have points and are in the frame and unit of the cloud.
+
+        Raises:
+            UserError: a touch is empty, not finite, far from the cloud or far too large.
+        """
+        if not self.touches:
+            return
+        power = exponent([cloud])
+        cloud = scaled(cloud, -power)
+        middle = cloud.mean(0)
+        radius = float(np.linalg.norm(cloud - middle, axis=1).max())
+        for number, touch in enumerate(self.points(power)):
+            if len(touch) == 0 or not np.isfinite(touch).all():
+                raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
+            with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
+                size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+                away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
+            check_frame(
+                f"touch {number}",
+                "the cloud",
+                distance=away,
+                extent=2 * radius,
+                most_distance=MOST_DISTANCE,
+                size=size,
+                most_size=MOST_SIZE,
+                power=power,
+            )
+
+    @property
+    def to_register(self) -> list[Touch]:
+        """The touches that are registered to the cloud: the records, since arrays have no unit."""
+        return [] if self.as_is else [touch for touch in self.touches if isinstance(touch, Touch)]
+
+    def registration(self, cloud: Float[np.ndarray, "n 3"]) -> Registration | None:
+        """Register the touches to the cloud, in their frame and unit; None if there is none to register."""
+        touches = self.to_register
+        return register(touches, cloud, pose_error=self.pose_error) if touches else None
+
+    def moved(self, registration: Registration | None, *, warn: bool = True) -> "GivenTouches":
+        """Return the touches as they were registered, without refused ones.
+
+        Warns:
+            PcsrWarning: touches are refused, and `warn` is set.
+        """
+        if registration is None:
+            return self
+        registered = iter(registration.touches)
+        touches: list[Touch | CloudPoints] = []
+        names, refused = [], []
+        for touch, name in zip(self.touches, self.names, strict=True):
+            one = next(registered) if isinstance(touch, Touch) else None
+            if one is not None and one.verdict == "refused":
+                refused.append(f"{name}: {one.reason}")
+                continue
+            touches.append(touch if one is None else one.touch)
+            names.append(name)
+        if refused and warn:
+            more = f"; and {len(refused) - MOST_NAMED} more" if len(refused) > MOST_NAMED else ""
+            warnings.warn(
+                f"{len(refused)} of {len(self.touches)} touches are refused and not used: "
+                f"{'; '.join(refused[:MOST_NAMED])}{more}",
+                PcsrWarning,
+                stacklevel=4,
+            )
+        return replace(self, touches=touches, names=names, as_is=True)
