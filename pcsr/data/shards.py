@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from safetensors import SafetensorError
 from torch import Tensor
 
@@ -179,8 +180,15 @@ def _check_sizes(path: Path, clouds: dict[str, Tensor], data: Settings) -> None:
                 f"{path}: '{name}' has {cloud.shape[1]} rows for each object, but {MANIFEST} lists {wanted[name]}: "
                 f"{REMEDY}"
             )
+        if name == "touches" and data.registered:
+            cloud = torch.cat([present(touches) for touches in cloud])
         if cloud.numel() and not torch.stack(torch.aminmax(cloud)).isfinite().all():
             raise UserError(f"{path}: its {name} have a coordinate that is not finite: {REMEDY}")
+
+
+def present(touches: Float[Tensor, "a m 3"]) -> Float[Tensor, "u m 3"]:
+    """Return the touches of an object without those that could not be registered: the last ones, of NaN alone."""
+    return touches[: int((~touches.isnan().flatten(1).all(1)).sum())]
 
 
 def damaged(folder: Path, manifest: Manifest, advance: Callable[[int], None] = lambda count: None) -> tuple[str, ...]:
