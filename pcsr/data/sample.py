@@ -38,11 +38,12 @@ class Sample:
     truth: Float[np.ndarray, "g 3"]
     points: Float[np.ndarray, "n 3"]
     touches: Float[np.ndarray, "a m 3"]
-    """Touches; those that could not be registered are last, and NaN."""
+    """Touches, without those that could not be registered."""
     sphere: UnitSphere
     """Normalisation, from the object's own frame to that of the clouds."""
     coverage: tuple[float, ...]
-    """Share of the truth's points that the first 1, 2, … touches cover; a touch that is NaN covers none."""
+    """Share of the truth's points that the first 1, 2, … touches cover. It has a value for each touch that was asked
+    for; where some could not be registered, the last values are equal."""
     sensor: str
 
 
@@ -97,16 +98,15 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
             )
     usable = _registered(item.name, recorded, points, data, seed) if data.registration and recorded else recorded
     clouds = [sphere.normalize(touch.points) for touch in usable]
-    missing = [np.full((size, 3), np.nan, np.float32) for size in sizes for _ in range(touches - len(clouds))]
-    shares = covered(sphere.normalize(truth), clouds)
+    shares = covered(sphere.normalize(truth), clouds) or (0.0,)
     return Sample(
         name=item.name,
         group=item.group,
         truth=sphere.normalize(truth),
         points=sphere.normalize(points),
-        touches=np.stack(clouds + missing) if touches else np.zeros((0, 0, 3), np.float32),
+        touches=np.stack(clouds) if clouds else np.zeros((0, *sizes, 3) if sizes else (0, 0, 3), np.float32),
         sphere=sphere,
-        coverage=shares + (shares[-1] if shares else 0.0,) * len(missing),
+        coverage=(*shares, *[shares[-1]] * touches)[:touches],
         sensor="+".join(dict.fromkeys(touch.sensor for touch in recorded)),
     )
 

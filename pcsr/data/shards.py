@@ -67,11 +67,21 @@ def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejection]], f
     sizes = {s.touches.shape[1:] for s in samples}
     if len(sizes) > 1:
         raise UserError(f"{path}: touches of {sorted(sizes)} points: a touch source must return touches of equal size")
+    clouds = {
+        "truth": [s.truth for s in samples],
+        "points": [s.points for s in samples],
+        "touches": [_padded(s.touches, len(s.coverage)) for s in samples],
+    }
     tensors = {
-        name: torch.from_numpy(np.stack([getattr(s, name) for s in samples]) if samples else np.zeros(0, np.float32))
-        for name in CLOUDS
+        name: torch.from_numpy(np.stack(clouds[name]) if samples else np.zeros(0, np.float32)) for name in CLOUDS
     }
     save_tensors(path, tensors, {"pcsr": json.dumps(card.model_dump(mode="json"), sort_keys=True)})
+
+
+def _padded(touches: Float[np.ndarray, "u m 3"], count: int) -> Float[np.ndarray, "a m 3"]:
+    """Append touches of NaN in the place of those that could not be registered."""
+    missing = np.full((count - len(touches), *touches.shape[1:]), np.nan, np.float32)
+    return np.concatenate([touches, missing])
 
 
 def _four(sphere: UnitSphere) -> tuple[float, float, float, float]:

@@ -88,13 +88,11 @@ def test_a_touch_that_lost_points_repeats_the_others(recipe, kept):
 def test_a_refused_touch_is_missing_and_covers_nothing(recipe, kept, numbers, usable):
     kept[0][:] = numbers
     plain, one = made(recipe), made(recipe, "registration={}")
-    assert one.touches.shape == plain.touches.shape
-    assert np.isnan(one.touches[len(usable) :]).all()
-    there = one.touches[: len(usable)]
-    for cloud, k in zip(there, usable, strict=True):
+    assert one.touches.shape == (len(usable), SIZE, 3)
+    for cloud, k in zip(one.touches, usable, strict=True):
         moved = one.sphere.normalize(one.sphere.denormalize(plain.touches[k]) * 0.99)
         assert rows(cloud) == rows(moved[: numbers[k]])
-    shares = covered(one.truth, list(there))
+    shares = covered(one.truth, list(one.touches))
     assert one.coverage == shares + (shares[-1] if shares else 0.0,) * (3 - len(usable))
 
 
@@ -104,10 +102,9 @@ def test_without_touches_there_is_nothing_to_register(recipe, kept):
 
 
 def refused(name, count, seed=0):
-    """An object whose last `count` touches were refused."""
+    """An object of which `count` of two touches were refused."""
     one = sample(name, seed=seed)
-    one.touches[2 - count :] = np.nan
-    return one
+    return dataclasses.replace(one, touches=one.touches[: 2 - count])
 
 
 @pytest.fixture
