@@ -14,8 +14,8 @@ from pcsr.run_files import read_run
 
 SMALL = [
     "data.shapes.count=6", "data.shapes.held_out=3", "data.points=64", "data.registration={}",
-    "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]", "train.epochs=1", "train.batch=3",
-    "train.touches=[2, 2]", "evaluate.examples=3", "evaluate.metrics=[cd]",
+    "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
+    "train.epochs=1", "train.batch=3", "train.touches=[2, 2]", "evaluate.examples=3", "evaluate.metrics=[cd]",
 ]  # fmt: skip
 pytestmark = pytest.mark.slow
 
