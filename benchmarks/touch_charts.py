@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from touch_studies import BESIDE, CAMERA, DEPTH, NETWORK, PLAIN, POLICY, POSITION, SIZE, TOUCHES, Row, around, own
+from touch_errors import over_error, settings_of
+from touch_studies import BESIDE, CAMERA, NETWORK, PLAIN, POLICY, SIZE, TOUCHES, Row, around, own
 
 from pcsr.report.figures.line_chart import Line, line_chart
 from pcsr.report.tables.scores import scaled
@@ -50,21 +51,6 @@ def by_distance(row: Row) -> Curves:
     }
 
 
-def over_noise(rows: Sequence[Row]) -> Curves:
-    """A line for the noise of the depth and one for that of the position: each where the other has its usual value."""
-    depth = [row for row in rows if row.settings[POSITION] == 0]
-    usual = {row.settings[DEPTH] for row in rows if row.settings[POSITION] > 0}
-    position = [row for row in rows if row.settings[DEPTH] in usual]
-    numbers = sorted({row.settings[DEPTH] for row in depth} | {row.settings[POSITION] for row in position})
-    lines: dict[str, Line] = {PLAIN: ([rows[0].plain.mean()] * len(numbers), None)}
-    for label, some, key in (("depth noise", depth, DEPTH), ("position noise", position, POSITION)):
-        at = {row.settings[key]: row for row in some}
-        means = [at[x].touched.mean() if x in at else math.nan for x in numbers]
-        if at:
-            lines[label] = (means, [at[x].error if x in at else math.nan for x in numbers])
-    return [f"{x:g}" for x in numbers], lines
-
-
 def draw(studies: dict[str, list[Row]], folder: Path) -> list[Path]:
     """A picture for each study, `when-STUDY.png`; of `size` also one of the networks and one over the distance."""
     made: list[Path] = []
@@ -83,8 +69,9 @@ def draw(studies: dict[str, list[Row]], folder: Path) -> list[Path]:
             title = f"Where to touch, {where}; {BAND}"
             chart(study, title, "touches", over_touches(rows, lambda row: row.settings[POLICY]), rows[0].label)
     if rows := studies.get("sensor"):
-        title = f"Noise of touch, {TOUCHES} touches; {BAND}"
-        chart("sensor", title, "standard deviation, mm (not to scale)", over_noise(rows), rows[0].label)
+        title = f"Error of the arm, {TOUCHES} touches; {BAND}"
+        x_label = "standard deviation along / about each axis, mm / degrees"
+        chart("sensor", title, x_label, over_error(settings_of(rows)), rows[0].label)
     return made
 
 

@@ -18,20 +18,24 @@ from pcsr.results import Results, read_results
 
 METRIC = "cd"
 NETWORK, SIZE, POLICY = "weights.use", "data.touch.object_size", "data.touch.policy"
-CAMERA, DEPTH, POSITION = "data.view.noise", "data.touch.depth_noise", "data.touch.position_noise"
+SAMPLING, CAMERAS, CAMERA = "data.sampling", "data.view.cameras", "data.view.noise"
+DEPTH, POSITION, ROTATION = (f"data.touch.{noise}_noise" for noise in ("depth", "position", "rotation"))
+SHARED_POSITION, SHARED_ROTATION = (f"data.touch.noise.shared_{noise}_noise" for noise in ("position", "rotation"))
+REGISTRATION, SEED = "data.registration", "data.seed"
 HEADS = {
     NETWORK: "network",
     SIZE: "longest side, mm",
     POLICY: "policy",
     CAMERA: "camera noise, radii",
-    DEPTH: "depth noise, mm",
-    POSITION: "position noise, mm",
 }
+"""Of the columns that show what a study varies."""
+ERRORS = (POSITION, ROTATION, SHARED_POSITION, SHARED_ROTATION)
+SETTINGS = (*HEADS, SAMPLING, CAMERAS, DEPTH, *ERRORS, REGISTRATION, SEED)
 STUDIES = {
     "size": (NETWORK, SIZE),
     "vision": (CAMERA,),
     "occlusion": (POLICY,),
-    "sensor": (POSITION, DEPTH),
+    "sensor": (SAMPLING, CAMERAS, CAMERA, *ERRORS, DEPTH, REGISTRATION, SEED),
     "policy": (POLICY,),
 }
 """What each study varies beside the number of touches. Its rows are called `study-…`."""
@@ -43,14 +47,15 @@ Numbers = Float[np.ndarray, " k"]
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a study, on the objects that all of its rows have. Chamfer distances are times `scale`."""
+    """One row of a study, on the objects that all rows of the same seed have. Chamfer distances are times `scale`."""
 
     name: str
     settings: dict[str, Any]
-    """Of the keys in `HEADS`."""
+    """Of the keys in `SETTINGS`; errors that are not there are 0, and `REGISTRATION` is whether there is one."""
     weights: str
     """Their hash."""
     touches: int
+    objects: tuple[str, ...]
     coverage: float
     """Of the objects' surface, in the mean of all objects of the row."""
     touched: Numbers
@@ -112,12 +117,17 @@ def rows_of(runs: Sequence[Results], keys: Sequence[str]) -> list[Row]:
     """The rows of one study, sorted by the settings `keys` and the number of touches.
 
     Raises:
-        UserError: a run has no touches, or no object is in all of them.
+        UserError: a run has no touches, or no object is in all of those with the same seed of the data.
     """
-    common = set.intersection(*(set(run.objects) for run in runs))
-    if not common:
-        raise UserError(f"the runs {', '.join(run.name for run in runs)} have no object in common: run them again")
-    rows = [_row(run, [k for k, name in enumerate(run.objects) if name in common]) for run in runs]
+    of_seed: dict[Any, list[Results]] = defaultdict(list)
+    for run in runs:
+        of_seed[_setting(run.recipe, SEED)].append(run)
+    rows = []
+    for some in of_seed.values():
+        common = set.intersection(*(set(run.objects) for run in some))
+        if not common:
+            raise UserError(f"the runs {', '.join(run.name for run in some)} have no object in common: run them again")
+        rows += [_row(run, [k for k, name in enumerate(run.objects) if name in common]) for run in some]
     return sorted(rows, key=lambda row: (*(row.settings[key] for key in keys), row.touches))
 
 
@@ -138,7 +148,9 @@ def _row(run: Results, kept: Sequence[int]) -> Row:
         raise UserError(f"run '{run.name}' has no touches, no {METRIC} or no weights: run its study again")
     scale = run.metrics[METRIC].scale
     recipe = as_in_0_1(run.recipe)  # which old runs have, and new ones can be brought into
-    settings = {key: _setting(recipe, key) for key in HEADS}
+    settings = {key: _setting(recipe, key) for key in SETTINGS}
+    settings |= {key: settings[key] or 0.0 for key in (*ERRORS, CAMERA, DEPTH)}
+    settings[REGISTRATION] = settings[REGISTRATION] is not None
     touched, plain, replaced = (
         scale * np.array(values)[kept] for values in (run.touch.touched, run.touch.plain, run.touch.replaced)
     )
@@ -147,6 +159,7 @@ def _row(run: Results, kept: Sequence[int]) -> Row:
         settings=settings | {NETWORK: Path(settings[NETWORK]).stem},
         weights=run.recipe["weights"]["sha256"],
         touches=run.data.touches,
+        objects=tuple(run.objects[k] for k in kept),
         coverage=run.data.coverage or 0.0,
         touched=touched,
         plain=plain,

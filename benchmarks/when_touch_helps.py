@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 from touch_charts import by_distance, draw
+from touch_errors import cells_of, settings_of
 from touch_studies import BESIDE, HEADS, NETWORK, PLAIN, STUDIES, Row, around, read
 
 from pcsr.errors import PcsrError, UserError
@@ -41,8 +42,12 @@ def table(rows: Sequence[Row], keys: Sequence[str]) -> str:
                 *(f"{row.beside[name]:.3f}" if name in row.beside else "" for name in beside),
             ]
         )
-    weights = dict.fromkeys(f"`{row.settings[NETWORK]}` {row.weights[:12]}" for row in rows)
-    return _markdown(heads, cells) + f"\n\n{len(rows[0].plain)} objects. Weights: {', '.join(weights)}."
+    return _markdown(heads, cells) + f"\n\n{len(rows[0].plain)} objects. {_weights(rows)}"
+
+
+def sensor_table(rows: Sequence[Row]) -> str:
+    """The study of errors as a table in Markdown, a line for each setting, with the weights below it."""
+    return f"{_markdown(*cells_of(settings_of(rows)))}\n\n{_weights(rows)}"
 
 
 def distance_table(row: Row) -> str:
@@ -53,6 +58,11 @@ def distance_table(row: Row) -> str:
         for k, (of, count) in enumerate(zip(x, row.effect.counts, strict=True))
     ]
     return _markdown(["radii of the object", "true points", *lines], cells)
+
+
+def _weights(rows: Sequence[Row]) -> str:
+    weights = dict.fromkeys(f"`{row.settings[NETWORK]}` {row.weights[:12]}" for row in rows)
+    return f"Weights: {', '.join(weights)}."
 
 
 def _markdown(heads: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
@@ -81,7 +91,10 @@ def main(runs: Path, out: Path, page: Path | None) -> None:
     """Print the tables of the studies in RUNS and draw their pictures."""
     try:
         studies = read(runs)
-        tables = {study: table(rows, STUDIES[study]) for study, rows in studies.items()}
+        tables = {
+            study: sensor_table(rows) if study == "sensor" else table(rows, STUDIES[study])
+            for study, rows in studies.items()
+        }
         if (row := around(studies.get("size", []))) is not None:
             tables["distance"] = distance_table(row)
         for study, text in tables.items():

@@ -31,6 +31,8 @@ class Example:
     truth: Cloud
     predictions: dict[str, Cloud]
     """The dense cloud of each method, by the method's name."""
+    touch_count: int | None = None
+    """Number of touches; None: as many as the run has, as in files of pcsr before 0.3."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,11 @@ def write_run(run: FinishedRun) -> None:
     for k, example in enumerate(run.examples):
         clouds = {"input": example.input, "truth": example.truth, "touches": example.touches, **example.predictions}
         tensors |= {f"{k}/{key}": torch.from_numpy(cloud) for key, cloud in clouds.items() if cloud is not None}
-    names = json.dumps([example.name for example in run.examples])
-    save_tensors(run.folder / EXAMPLES, tensors, {"names": names})
+    about = {
+        "names": json.dumps([example.name for example in run.examples]),
+        "touches": json.dumps([example.touch_count for example in run.examples]),
+    }
+    save_tensors(run.folder / EXAMPLES, tensors, about)
     write_results(run.folder / RESULTS, run.results)
 
 
@@ -104,6 +109,7 @@ def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
     try:
         with safe_open(path, framework="numpy") as file:
             names = json.loads(file.metadata()["names"])
+            counts = json.loads(file.metadata().get("touches", "null")) or [None] * len(names)
             clouds = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
         for key, cloud in clouds.items():
             if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
@@ -115,8 +121,9 @@ def read_examples(path: Path, methods: Sequence[str]) -> list[Example]:
                 clouds.get(f"{k}/touches"),
                 clouds[f"{k}/truth"],
                 {method: clouds[f"{k}/{method}"] for method in methods},
+                count if count is None else int(count),
             )
-            for k, name in enumerate(names)
+            for k, (name, count) in enumerate(zip(names, counts, strict=True))
         ]
     except KeyError as error:
         raise UserError(f"{path} lacks {error}; {RERUN}") from error

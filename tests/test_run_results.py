@@ -1,5 +1,6 @@
 """What an evaluation leaves: every number of every object, and the first clouds as they are."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
 from pcsr.results import MethodResult, write_results
-from pcsr.run_files import FinishedRun, write_run
+from pcsr.run_files import FinishedRun, read_examples, write_run
 
 SMOKE = Path(__file__).parents[1] / "pcsr/recipes" / "smoke.yaml"
 OBJECTS = 3
@@ -93,6 +94,17 @@ def test_the_first_clouds_are_kept_to_the_last_digit(registry, split, evaluation
         assert torch.equal(file.get_tensor("1/ours"), torch.from_numpy(evaluation.dense[0][1]).float())
         if touches:
             assert torch.equal(file.get_tensor("1/touches"), split.touches[1][:2].flatten(0, 1))
+
+
+def test_an_example_knows_how_many_touches_it_has(registry, split, evaluation, tmp_path):
+    fewer = dataclasses.replace(split, touches=[touches[:k] for k, touches in enumerate(split.touches)])
+    recipe = smoke(registry)
+    results = results_of(recipe, fewer, evaluation, {})
+    write_run(FinishedRun(tmp_path, results, examples_of(recipe, fewer, evaluation), None))
+    examples = read_examples(tmp_path / "examples.safetensors", ["ours"])
+    assert [one.touch_count for one in examples] == [0, 1]
+    assert examples[0].touches is None
+    assert np.array_equal(examples[1].touches, fewer.touches[1].flatten(0, 1).numpy())
 
 
 def test_a_card_whose_training_is_damaged_is_refused(registry, split, evaluation):

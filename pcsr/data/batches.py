@@ -54,7 +54,7 @@ class Batch:
     truth: Float[Tensor, "b g 3"]
     """True dense clouds."""
     touches: TouchBatch
-    """Touches of the clouds. Without patches all of them are present."""
+    """Touches of the clouds. Some are missing in patches, and for objects that have fewer than the batch."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Batches:
             touched = touched[torch.from_numpy(rng.permutation(len(touched))[:count])]
         sphere = UnitSphere.fit(points.numpy())
         clouds = [torch.from_numpy(sphere.normalize(cloud.numpy())) for cloud in (points, touched, truth)]
-        mask = in_patch(clouds[1]) if self.patches else torch.ones(count, dtype=torch.bool)
+        mask = in_patch(clouds[1]) if self.patches else torch.ones(len(touched), dtype=torch.bool)
         if "rotate" in self.augment:
             turn = torch.from_numpy(_rotation(rng))
             clouds = [cloud @ turn for cloud in clouds]
@@ -155,7 +155,9 @@ class Batches:
             points = points + _noise(JITTER, points, rng)
         if "noise" in self.augment and rng.random() < NOISY:
             points = points + _noise(math.exp(rng.uniform(*np.log(NOISE))), points, rng)
-        return points, truth, touched, mask
+        missing = count - len(touched)  # of an object whose touches could not all be registered
+        touched = torch.cat([touched, touched.new_zeros(missing, *touched.shape[1:])])
+        return points, truth, touched, torch.cat([mask, mask.new_zeros(missing)])
 
 
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from pcsr.data.shards import CLOUDS, checked_shard, read_manifest
+from pcsr.data.shards import CLOUDS, checked_shard, present, read_manifest
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
 
@@ -25,11 +25,13 @@ class Split:
     groups: Sequence[str]
     truth: Sequence[Float[Tensor, "g 3"]]
     points: Sequence[Float[Tensor, "n 3"]]
-    touches: Sequence[Float[Tensor, "a m 3"]]
+    touches: Sequence[Float[Tensor, "_ m 3"]]
+    """Touches of each object. With `data.registration`, some objects have fewer than others, or none."""
     spheres: Sequence[UnitSphere]
     """Normalisation of each object, from its own frame to that of the clouds."""
     covered: Sequence[Sequence[float]]
-    """For each object, the share of the truth's points that its first 1, 2, … touches cover."""
+    """For each object, the share of the truth's points that its first 1, 2, … touches cover. It has a value for each
+    touch of the data set; where an object has fewer, the last values are equal."""
     about: dict[str, Any]
     """The data's `fingerprint`, and the `rejected` objects with the reasons."""
 
@@ -62,7 +64,7 @@ class Split:
     def joined(cls, splits: Sequence["Split"]) -> "Split":
         """Return several splits as one, in their order.
 
-        The number of touches is that of the object with the fewest. Objects keep their names, so that two may have the
+        The number of touches is that of the split with the fewest. Objects keep their names, so that two may have the
         same. The fingerprint is dropped.
 
         Raises:
@@ -70,7 +72,7 @@ class Split:
         """
         if len(splits) == 1:
             return splits[0]
-        count = min(len(touches) for split in splits for touches in split.touches)
+        count = min(len(shares) for split in splits for shares in split.covered)
         for name in CLOUDS:
             first = 1 if name == "touches" else 0  # the number of touches may differ
             sizes = {tuple(getattr(split, name)[0].shape[first:]) for split in splits}
@@ -87,7 +89,7 @@ class Split:
             groups=all_of("groups"),
             truth=all_of("truth"),
             points=all_of("points"),
-            # Without touches the shape is (0, 0, 3) everywhere.
+            # In data without touches the shape is (0, 0, 3) everywhere.
             touches=[touches[:count] if count else touches[:0, :0] for touches in all_of("touches")],
             spheres=all_of("spheres"),
             covered=[shares[:count] for shares in all_of("covered")],
@@ -130,7 +132,8 @@ class Split:
                 lists["spheres"] += [UnitSphere(np.array(s[:3]), s[3]) for s in card.spheres]
                 lists["covered"] += card.coverage
                 for name in CLOUDS:
-                    lists[name] += clouds[name].unbind(0)
+                    rows = clouds[name].unbind(0)
+                    lists[name] += map(present, rows) if name == "touches" else rows
             advance(len(card.names))
         if not lists["names"]:
             reasons = "; ".join(list(rejected.values())[:3])

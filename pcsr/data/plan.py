@@ -16,6 +16,8 @@ from pcsr.recipe.old_names import part_as_in_0_1
 
 FORMAT = 1
 """Version of the file format. A new version changes every fingerprint."""
+REGISTRATION = 1
+"""Version of `pcsr.registration`. A new version changes the fingerprints of data with registered touches."""
 SEEN = ("view", "mixed")
 """Samplings of a camera's view, which need ray casting."""
 
@@ -72,6 +74,8 @@ class Plan:
                 for split, some in names.items()
             },
         }
+        if recipe.data.registration and recipe.most_touches:
+            decisive["registration"] = {"version": REGISTRATION, **data["registration"]}
         code = {key: code for key, code in recipe.code.items() if key.startswith("data.")}
         if code:  # of third-party parts
             decisive["code"] = code

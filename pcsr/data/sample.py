@@ -9,6 +9,8 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
+from pcsr.clouds.pose_error import PoseError
+from pcsr.clouds.touch import Touch
 from pcsr.contracts import ShapeItem, TouchSource
 from pcsr.data.view import seen_points
 from pcsr.errors import UserError
@@ -16,6 +18,7 @@ from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.sampling import CANDIDATES, poisson_points, poisson_subset, surface_points
 from pcsr.recipe import Data
+from pcsr.registration import register
 
 MAX_TOUCH_DISTANCE = 0.25
 """Greatest median distance of a touch's points from the surface, in radii of the object; a farther touch is refused."""
@@ -35,10 +38,12 @@ class Sample:
     truth: Float[np.ndarray, "g 3"]
     points: Float[np.ndarray, "n 3"]
     touches: Float[np.ndarray, "a m 3"]
+    """Touches, without those that could not be registered."""
     sphere: UnitSphere
     """Normalisation, from the object's own frame to that of the clouds."""
     coverage: tuple[float, ...]
-    """Share of the truth's points that the first 1, 2, … touches cover."""
+    """Share of the truth's points that the first 1, 2, … touches cover. It has a value for each touch that was asked
+    for; where some could not be registered, the last values are equal."""
     sensor: str
 
 
@@ -91,15 +96,17 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
                 f"{item.name}: touch {number} lies {distance:.3g} radii off the surface, or is not finite: its source "
                 f"returns it in another unit or frame"
             )
-    clouds = [sphere.normalize(touch.points) for touch in recorded]
+    usable = _registered(item.name, recorded, points, data, seed) if data.registration and recorded else recorded
+    clouds = [sphere.normalize(touch.points) for touch in usable]
+    shares = covered(sphere.normalize(truth), clouds) or (0.0,)
     return Sample(
         name=item.name,
         group=item.group,
         truth=sphere.normalize(truth),
         points=sphere.normalize(points),
-        touches=np.stack(clouds) if clouds else np.zeros((0, 0, 3), np.float32),
+        touches=np.stack(clouds) if clouds else np.zeros((0, *sizes, 3) if sizes else (0, 0, 3), np.float32),
         sphere=sphere,
-        coverage=covered(sphere.normalize(truth), clouds),
+        coverage=(*shares, *[shares[-1]] * touches)[:touches],
         sensor="+".join(dict.fromkeys(touch.sensor for touch in recorded)),
     )
 
@@ -107,6 +114,24 @@ def make_sample(item: ShapeItem, source: TouchSource, data: Data, touches: int, 
 def item_seed(seed: int, name: str) -> int:
     """Return the seed of one object, which depends neither on other objects nor on the machine."""
     return int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:8], "big")
+
+
+def _registered(
+    name: str, recorded: Sequence[Touch], points: Float[np.ndarray, "n 3"], data: Data, seed: int
+) -> list[Touch]:
+    """Return the touches that could be registered to the sparse cloud, each with as many points as before."""
+    assert data.registration
+    error = PoseError(data.registration.position, data.registration.rotation)
+    found = register(recorded, points.copy(), pose_error=error).touches
+    usable = []
+    for number, (before, after) in enumerate(zip(recorded, found, strict=True)):
+        count = len(before.points)
+        if len(after.touch.points) == count:
+            usable.append(after.touch)
+        elif len(after.touch.points):
+            # The stream is the touch's own, so that registration changes no other random number.
+            usable.append(after.touch.resampled(count, np.random.default_rng([item_seed(seed, name), 2, number])))
+    return usable
 
 
 def covered_points(

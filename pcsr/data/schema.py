@@ -58,6 +58,11 @@ class Settings(FrozenModel):
     view: dict[str, Any] = Field(default_factory=dict)
     seed: Count
 
+    @property
+    def registered(self) -> bool:
+        """Whether the touches are registered, so that an object may have fewer than `touches`."""
+        return bool((self.model_extra or {}).get("registration"))
+
 
 class Shard(FrozenModel):
     """File of a split."""

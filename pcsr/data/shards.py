@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from safetensors import SafetensorError
 from torch import Tensor
 
@@ -66,11 +67,21 @@ def write_shard(path: Path, results: Sequence[tuple[str, Sample | Rejection]], f
     sizes = {s.touches.shape[1:] for s in samples}
     if len(sizes) > 1:
         raise UserError(f"{path}: touches of {sorted(sizes)} points: a touch source must return touches of equal size")
+    clouds = {
+        "truth": [s.truth for s in samples],
+        "points": [s.points for s in samples],
+        "touches": [_padded(s.touches, len(s.coverage)) for s in samples],
+    }
     tensors = {
-        name: torch.from_numpy(np.stack([getattr(s, name) for s in samples]) if samples else np.zeros(0, np.float32))
-        for name in CLOUDS
+        name: torch.from_numpy(np.stack(clouds[name]) if samples else np.zeros(0, np.float32)) for name in CLOUDS
     }
     save_tensors(path, tensors, {"pcsr": json.dumps(card.model_dump(mode="json"), sort_keys=True)})
+
+
+def _padded(touches: Float[np.ndarray, "u m 3"], count: int) -> Float[np.ndarray, "a m 3"]:
+    """Append touches of NaN in the place of those that could not be registered."""
+    missing = np.full((count - len(touches), *touches.shape[1:]), np.nan, np.float32)
+    return np.concatenate([touches, missing])
 
 
 def _four(sphere: UnitSphere) -> tuple[float, float, float, float]:
@@ -179,8 +190,15 @@ def _check_sizes(path: Path, clouds: dict[str, Tensor], data: Settings) -> None:
                 f"{path}: '{name}' has {cloud.shape[1]} rows for each object, but {MANIFEST} lists {wanted[name]}: "
                 f"{REMEDY}"
             )
+        if name == "touches" and data.registered:
+            cloud = torch.cat([present(touches) for touches in cloud])
         if cloud.numel() and not torch.stack(torch.aminmax(cloud)).isfinite().all():
             raise UserError(f"{path}: its {name} have a coordinate that is not finite: {REMEDY}")
+
+
+def present(touches: Float[Tensor, "a m 3"]) -> Float[Tensor, "u m 3"]:
+    """Return the touches of an object without those that could not be registered: the last ones, of NaN alone."""
+    return touches[: int((~touches.isnan().flatten(1).all(1)).sum())]
 
 
 def damaged(folder: Path, manifest: Manifest, advance: Callable[[int], None] = lambda count: None) -> tuple[str, ...]:

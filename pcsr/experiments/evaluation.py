@@ -170,7 +170,7 @@ def evaluate(
                 points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
                 if method.upsample is not None:
                     runs[-1].add(method.upsample, points, touches)
-                    if position == 0 and touches:
+                    if position == 0 and recipe.data.touches:
                         plain.add(method.upsample, points, [])
                 elif method.bound is not None:
                     stream = bound_stream(recipe.data_seed, split.names[i])

@@ -158,18 +158,21 @@ def results_of(
 
 def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Example]:
     """Return the clouds that the report shows: those of the first objects, so that no result influences the choice."""
+    shown = range(min(recipe.evaluate.examples, len(split)))
+    touches = [split.touches[k][: recipe.data.touches] for k in shown]
     return [
         Example(
             split.names[k],
             split.points[k].numpy(),
-            split.touches[k][: recipe.data.touches].flatten(0, 1).numpy() if recipe.data.touches else None,
+            touches[k].flatten(0, 1).numpy() if len(touches[k]) else None,
             split.truth[k].numpy(),
             {
                 method.name: clouds[k].astype(np.float32)
                 for method, clouds in zip(evaluation.methods, evaluation.dense, strict=True)
             },
+            len(touches[k]),
         )
-        for k in range(min(recipe.evaluate.examples, len(split)))
+        for k in shown
     ]
 
 

@@ -106,9 +106,13 @@ def replace_region(
 def distance_bins(truth: Float[Tensor, "t 3"], touched: Float[Tensor, "m 3"]) -> Int[Tensor, " t"]:
     """Return the bin of `EDGES` for the distance of each point of the truth to the nearest touched point.
 
+    Without touched points it is the last.
+
     Raises:
-        RunError: a cloud is empty, or a coordinate is not finite.
+        RunError: the truth is empty, or a coordinate is not finite.
     """
+    if not len(touched):
+        return torch.full((len(truth),), len(EDGES) - 1)
     distance = nearest_squared(truth[None], touched[None])[0].double().sqrt()
     return torch.bucketize(distance, torch.tensor(EDGES[1:], dtype=torch.float64), right=True)
 
@@ -129,7 +133,7 @@ def touch_effect(
 
     Args:
         truth: true clouds.
-        touches: touched points of each object, at least one.
+        touches: touched points of each object; none if no touch of it could be registered.
         regions: for each true cloud, mask of its points that were touched.
         touched: dense clouds of the network with touches.
         plain: dense clouds of the network without touches.

@@ -9,7 +9,7 @@ from pcsr.recipe.check import check, check_card
 from pcsr.recipe.compose import compose, override_key
 from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
-from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, View
+from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, Registration, View
 from pcsr.recipe.source import MOST_LISTED, Keys, Location, Mistake, RecipeError, Source
 from pcsr.recipes import found
 
@@ -24,6 +24,7 @@ __all__ = [
     "Patches",
     "Recipe",
     "RecipeError",
+    "Registration",
     "View",
     "check_card",
     "for_data",

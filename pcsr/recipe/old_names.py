@@ -40,6 +40,10 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
     ("objective", "pu-net"): {"fidelity": "emd"},
 }
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
+ADDED: dict[tuple[str, str], dict[Keys, Any]] = {
+    ("touch", "digit"): {("noise", "shared_position_noise"): 0.0, ("noise", "shared_rotation_noise"): 0.0},
+}
+"""Options that parts did not have in 0.1, with the value that changes nothing."""
 
 
 def modernize(source: Source, origin: str | None = None, base: dict[str, Any] | None = None) -> None:
@@ -92,6 +96,9 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
     train = old.get("train")
     if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
         del train["start"]
+    data = old.get("data")
+    if isinstance(data, dict) and data.get("registration", "") is None:  # nor this one
+        del data["registration"]
     return old
 
 
@@ -99,12 +106,14 @@ def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
     """Return a copy of a part's mapping `{use: name, …}` with the names of 0.1."""
     old = copy.deepcopy(part)
     old |= REMOVED.get((kind, old["use"]), {})
+    for keys, unchanged in ADDED.get((kind, old["use"]), {}).items():
+        owner = _owner(old, keys)
+        if owner.get(keys[-1]) == unchanged:
+            del owner[keys[-1]]
     moved = OPTIONS.get((kind, old["use"]), {})
     for option, keys in moved.items():
-        owner: Any = old
-        for key in keys[:-1]:
-            owner = owner.get(key) if isinstance(owner, dict) else None
-        if isinstance(owner, dict) and keys[-1] in owner:
+        owner = _owner(old, keys)
+        if keys[-1] in owner:
             old[option] = owner.pop(keys[-1])
     for group in {str(keys[0]) for keys in moved.values() if len(keys) > 1}:
         left = old.get(group)
@@ -114,6 +123,14 @@ def part_as_in_0_1(kind: str, part: dict[str, Any]) -> dict[str, Any]:
             old[group] = left["use"]
     names = {new: name for (of_kind, name), new in renamed.PARTS.items() if of_kind == kind}
     return {**old, "use": names.get(old["use"], old["use"])}
+
+
+def _owner(part: dict[str, Any], keys: Keys) -> dict[Any, Any]:
+    """Return the mapping that holds the last of `keys`; an empty one if there is none."""
+    owner: Any = part
+    for key in keys[:-1]:
+        owner = owner.get(key) if isinstance(owner, dict) else None
+    return owner if isinstance(owner, dict) else {}
 
 
 def modern_part(kind: str, part: dict[str, Any]) -> dict[str, Any]:

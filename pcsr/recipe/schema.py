@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
 from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import as_in_0_1
@@ -61,6 +62,15 @@ class View(Section):
     """Side of the square image, in pixels. The image just covers the object."""
 
 
+class Registration(Section):
+    """Registration of the touches to the sparse cloud, with the expected error of the poses that the robot reports."""
+
+    position: Annotated[float, Field(ge=0, le=MOST_POSITION)] = 1.0
+    """Standard deviation along each axis, in millimetres."""
+    rotation: Annotated[float, Field(ge=0, le=MOST_ROTATION)] = 2.0
+    """Standard deviation about each axis, in degrees."""
+
+
 class Data(Section):
     """Data: objects, their clouds and their touches."""
 
@@ -78,6 +88,9 @@ class Data(Section):
     """Sampling of the sparse cloud: a subset of the truth, or the points that depth cameras see (`view`). With `mixed`,
     each of the four is used for a quarter of the objects."""
     view: View = View()
+    registration: Registration | None = None
+    """Registration of the touches to the sparse cloud (`pcsr.registration`). A touch that cannot be registered is left
+    out, so that objects may have fewer touches than `touches`. None: touches are where the robot reports them."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
     """Seed of the data. With a seed here, the data does not change with the seed of the training. None: the recipe's
     seed."""

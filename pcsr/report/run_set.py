@@ -84,7 +84,10 @@ def _shared_example(examples: Sequence[Example], runs: Sequence[FinishedRun], ne
             predictions.setdefault(method.name, example.predictions[method.name])
     # Fewer touches are the first of more.
     touched, count = max(
-        ((example.touches, run.results.data.touches) for example, run in zip(examples, runs, strict=True)),
+        (
+            (example.touches, run.results.data.touches if example.touch_count is None else example.touch_count)
+            for example, run in zip(examples, runs, strict=True)
+        ),
         key=lambda one: 0 if one[0] is None else len(one[0]),
     )
     touches: list[Cloud] = []

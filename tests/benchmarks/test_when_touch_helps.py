@@ -20,7 +20,8 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "when-touch-helps.md").read_text(encoding="utf-8")
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(ROOT / "benchmarks"))
-    script, studies, charts = map(importlib.import_module, ("when_touch_helps", "touch_studies", "touch_charts"))
+    modules = ("when_touch_helps", "touch_studies", "touch_charts", "touch_errors")
+    script, studies, charts, errors = map(importlib.import_module, modules)
 
 OBJECTS = ("a", "b", "c", "d")
 PLAIN = {"a": 3e-3, "b": 1e-3, "c": 2e-3, "d": 6e-3}
@@ -33,15 +34,20 @@ def made(tmp_path):
     """Write the results of a run; with every touch the error changes as `FACTOR` says once more."""
 
     def make(name, touches=4, *, objects=OBJECTS, beside=(), weights="w/frames.safetensors", sha="f" * 64, **of):
-        has_touch, view = of.pop("has_touch", True), {"noise": of.pop("noise", 0.0)}
+        has_touch, view = of.pop("has_touch", True), {"cameras": 1, "noise": of.pop("noise", 0.0)}
         touched = [PLAIN[one] * FACTOR[one] ** touches for one in objects]
         plain = [PLAIN[one] for one in objects]
         methods = [(name, touched), *((one, [1e-3 * (k + 1)] * len(objects)) for k, one in enumerate(beside))]
         options = {"use": "digit", "object_size": 30.0, "policy": "uniform", "depth_noise": 0.02, "position_noise": 0.0}
+        data = {"seed": of.pop("seed", 0), "registration": of.pop("registration", None), "view": view}
+        data["sampling"] = of.pop("sampling", "random")
+        change = of.pop("change", 1.0)
+        touched = [change * one for one in touched]
+        methods[0] = (name, touched)
         options |= of
         options["policy"] = {"use": options["policy"], "spacing": 20.0, "tries": 100}
-        options["noise"] = {key: options.pop(key) for key in ("depth_noise", "position_noise")}
-        data = {"touch": options, "view": view}
+        options["noise"] = {key: options.pop(key) for key in list(options) if key.endswith("_noise")}
+        data["touch"] = options
         results = {
             "name": name,
             "fingerprint": "ab",
@@ -199,17 +205,75 @@ def test_a_line_over_touches_begins_without_touch_and_leaves_out_what_was_not_me
     np.testing.assert_allclose(lines["uniform"][0], [3.0, math.nan, rows[2].touched.mean(), math.nan])
 
 
-def test_each_noise_of_touch_is_a_line_where_the_other_has_its_usual_value(made, runs):
-    made("sensor-a", 1, depth_noise=0.0)
-    made("sensor-b", 2, depth_noise=0.02)
-    made("sensor-c", 3, depth_noise=0.3)
-    made("sensor-d", 4, position_noise=2.0)
-    at = {row.touches: row.touched.mean() for row in studies.read(runs)["sensor"]}
-    x, lines = charts.over_noise(studies.read(runs)["sensor"])
-    assert x == ["0", "0.02", "0.3", "2"]
-    np.testing.assert_allclose(lines["depth noise"][0], [at[1], at[2], at[3], math.nan])
-    np.testing.assert_allclose(lines["position noise"][0], [at[2], math.nan, math.nan, at[4]])
-    np.testing.assert_allclose(lines["without touch"][0], [3.0] * 4)
+PRIOR = {"position": 1.0, "rotation": 2.0}
+
+
+@pytest.fixture
+def sensor(made, runs):
+    """Rows of the study of errors: two draws of an exact arm and of one with errors, one of a noisy sensor."""
+    arm = {"position_noise": 1.0, "rotation_noise": 2.0}
+    made("sensor-depth", 1, depth_noise=0.3)
+    made("sensor-exact-0", 1)
+    made("sensor-exact-1", 1, seed=1, objects=("a", "b", "c"))
+    made("sensor-arm-0", 1, change=1.5, **arm)
+    made("sensor-arm-1", 1, change=2.0, seed=1, **arm)
+    made("sensor-arm-0-registered", 1, change=1.12, registration=PRIOR, **arm)
+    made("sensor-arm-1-registered", 1, change=1.2, registration=PRIOR, seed=1, **arm)
+    made("sensor-shared", 1, change=1.5, sampling="view", policy="sparse", shared_position_noise=1.0)
+    return studies.read(runs)["sensor"]
+
+
+def mean_change(*factors):
+    """Mean over the objects of what a touch changes, mean over draws: the first has all objects, the second three."""
+    changes = [
+        np.mean([1e3 * PLAIN[one] * (factor * FACTOR[one] - 1) for factor in factors[: 1 if one == "d" else 2]])
+        for one in OBJECTS
+    ]
+    return np.mean(changes), np.std(changes, ddof=1) / 2
+
+
+def test_settings_have_their_draws_and_objects_are_in_all_rows_of_a_draw(sensor):
+    settings = errors.settings_of(sensor)
+    assert [(one.settings[studies.POSITION], one.settings[studies.DEPTH]) for one in settings] == [
+        (0.0, 0.02), (0.0, 0.3), (1.0, 0.02), (0.0, 0.02),
+    ]  # fmt: skip
+    exact, depth, arm, shared = settings
+    assert [row.objects for row in arm.registered.rows] == [OBJECTS, ("a", "b", "c")]
+    assert (exact.registered, depth.registered, shared.registered) == (None, None, None)
+    for draws, factors in ((exact.reported, (1, 1)), (arm.reported, (1.5, 2.0)), (arm.registered, (1.12, 1.2))):
+        assert (draws.change, draws.error) == pytest.approx(mean_change(*factors))
+        assert draws.count == 7
+        assert draws.plain == pytest.approx(3.0)
+    assert arm.registered.worse == 3, "c in both draws, b in the second; in the first it is worse by 0.8 %"
+
+
+def test_the_table_of_errors_shows_what_registration_keeps_of_an_exact_arm(sensor):
+    heads, _, *lines, empty, below = script.sensor_table(sensor).splitlines()
+    cells = [dict(zip(heads.strip("| ").split(" | "), line[2:-2].split(" | "), strict=True)) for line in lines]
+    exact, _, arm, shared = cells
+    assert [one["cloud"] for one in cells] == ["random points"] * 3 + ["1 camera, touches sparse"]
+    assert [one["error of each touch, mm / °"] for one in cells] == ["0 / 0", "0 / 0", "1 / 2", "0 / 0"]
+    assert [one["shared error, mm / °"] for one in cells] == ["0 / 0"] * 3 + ["1 / 0"]
+    assert [one["parts × draws"] for one in cells] == ["7 (2 draws)", "4 (1 draw)", "7 (2 draws)", "4 (1 draw)"]
+    gain, _ = mean_change(1, 1)
+    after, error = mean_change(1.12, 1.2)
+    assert arm["change, registered"] == f"{after:+.3f} ± {error:.3f} ({after / 3:+.1%})"
+    assert arm["gain kept"] == f"{after / gain:.0%}"
+    assert arm["worse by over 1%"] == "3/7"
+    assert arm["coverage"] == "1.2% → 1.2%"
+    assert (exact["gain kept"], shared["gain kept"], shared["change, registered"]) == ("", "", "")
+    assert (empty, below) == ("", f"Weights: `frames` {'f' * 12}.")
+
+
+def test_touches_as_reported_and_registered_are_lines_over_the_error_of_the_arm(sensor):
+    x, lines = charts.over_error(errors.settings_of(sensor))
+    assert x == ["0 / 0", "1 / 2"]
+    assert list(lines) == ["without touch", "as reported", "registered"]
+    np.testing.assert_allclose(lines["without touch"][0], [3.0, 3.0])
+    exact, reported, registered = mean_change(1, 1), mean_change(1.5, 2.0), mean_change(1.12, 1.2)
+    np.testing.assert_allclose(lines["as reported"][0], [3 + exact[0], 3 + reported[0]])
+    np.testing.assert_allclose(lines["as reported"][1], [exact[1], reported[1]])
+    np.testing.assert_allclose(lines["registered"], [[math.nan, 3 + registered[0]], [math.nan, registered[1]]])
 
 
 def test_the_error_around_touches(made, runs):

@@ -39,7 +39,7 @@ def test_coverage_is_the_mean_share_of_the_first_touches():
 def test_splits_are_joined_in_their_order_with_as_many_touches_as_all_have():
     one = dataclasses.replace(named(2, "a"), about={"rejected": {"a9": "it is flat"}})
     few = [touches[:1] for touches in split(3).touches]
-    made = Split.joined([one, named(3, "b", touches=few)])
+    made = Split.joined([one, named(3, "b", touches=few, covered=[(0.1,)] * 3)])
     assert made.names == ["a0", "a1", "b0", "b1", "b2"]
     assert {touches.shape for touches in made.touches} == {(1, 8, 3)}
     assert {len(shares) for shares in made.covered} == {1}
@@ -50,8 +50,15 @@ def test_splits_are_joined_in_their_order_with_as_many_touches_as_all_have():
 
 def test_without_touches_in_one_of_them_nobody_has_any():
     none = [touches[:0] for touches in split(2).touches]
-    made = Split.joined([named(2, "a"), named(2, "b", touches=none)])
+    made = Split.joined([named(2, "a"), named(2, "b", touches=none, covered=[()] * 2)])
     assert {touches.shape for touches in made.touches} == {(0, 0, 3)}
+
+
+def test_an_object_with_fewer_touches_takes_none_from_the_others():
+    fewer = [touches[:k] for k, touches in enumerate(split(3).touches)]
+    made = Split.joined([named(2, "a"), named(3, "b", touches=fewer)])
+    assert [len(touches) for touches in made.touches] == [3, 3, 0, 1, 2]
+    assert {touches.shape[1:] for touches in made.touches} == {(8, 3)}
 
 
 @pytest.mark.parametrize("clouds", ["truth", "points", "touches"])

@@ -3,6 +3,7 @@
 import pytest
 import trimesh
 
+import pcsr.data.plan
 from pcsr import ShapeItem, ShapeSource, UserError
 from pcsr.data.plan import Plan
 from pcsr.plugins.loading import load_plugins
@@ -39,6 +40,19 @@ def test_the_camera_counts_only_where_it_is_used(recipe, registry):
     assert fingerprint(recipe("view.noise=0.1"), registry) == fingerprint(recipe(), registry)
     seen = [fingerprint(recipe("sampling=view", f"view.noise={noise}"), registry) for noise in (0.0, 0.1)]
     assert seen[0] != seen[1]
+
+
+def test_every_key_of_the_registration_counts_and_so_does_its_version(recipe, registry, monkeypatch):
+    changes = ["registration={}", "registration.position=0.5", "registration.rotation=0.5", "registration=null"]
+    prints = [fingerprint(recipe(change), registry) for change in changes]
+    assert len(set(prints)) == len(changes)
+    assert prints[-1] == fingerprint(recipe(), registry)
+    untouched = [recipe("touches=0", change) for change in changes]
+    assert len({fingerprint(one, registry) for one in untouched}) == 1
+    monkeypatch.setattr(pcsr.data.plan, "REGISTRATION", 2)
+    assert [fingerprint(recipe(change), registry) == known for change, known in zip(changes, prints, strict=True)] == [
+        False, False, False, True,
+    ]  # fmt: skip
 
 
 def test_a_part_with_a_new_version_gives_new_data(recipe, registry, monkeypatch):

@@ -1,5 +1,6 @@
 """A network beside baselines on a small split: what is handed to each method, and what is measured of touch."""
 
+import dataclasses
 import itertools
 import os
 import time
@@ -84,6 +85,23 @@ def test_the_network_is_asked_twice_and_baselines_once(recipe, registry, split):
         moved = torch.from_numpy(np.repeat(points.numpy(), 4, axis=0) * 0.9)
         assert value == METRICS["cd"](moved[None], truth[None])
     np.testing.assert_array_equal(made.dense[0][1], np.repeat(split.points[1].numpy(), 4, axis=0) * 0.95)
+
+
+def test_objects_whose_touches_were_refused_count_too(recipe, registry, split):
+    fewer = dataclasses.replace(split, touches=[touches[:k] for k, touches in enumerate(split.touches)])
+    ours = Asked()
+    made = evaluate(recipe, registry, [Method("ours", 5, ours)], fewer, jobs=1)
+    assert [len(touches) for touches in ours.touches] == [0, 0, 1, 0, 2, 0]
+    effect, whole = made.touch, evaluate(recipe, registry, [Method("ours", 5, Asked())], split, jobs=1).touch
+    assert effect.plain == whole.plain
+    assert effect.touched[0] == effect.plain[0] == effect.replaced[0]
+    assert all(one < other for one, other in zip(effect.replaced[1:], effect.plain[1:], strict=True))
+    assert sum(effect.counts) == sum(whole.counts) == 3 * 256
+    assert results_of(recipe, fewer, made, {}).touch == effect
+    none = dataclasses.replace(split, touches=[touches[:0] for touches in split.touches])
+    effect = evaluate(recipe, registry, [Method("ours", 5, Asked())], none, jobs=1).touch
+    assert effect.touched == effect.plain == effect.replaced == whole.plain
+    assert (effect.counts[-1], effect.efficiency) == (3 * 256, None)
 
 
 class Slow:

@@ -37,6 +37,7 @@ def test_defaults_are_filled_in(write, registry):
             "truth": "poisson",
             "sampling": "random",
             "view": {"cameras": 1, "noise": 0.0, "distance": 3.0, "pixels": 160},
+            "registration": None,
             "seed": None,
         },
         "model": {

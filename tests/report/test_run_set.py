@@ -77,6 +77,17 @@ def test_runs_of_different_numbers_of_touches_show_the_most(tmp_path, run, resul
         assert [len(shared.touches) for shared in gather(order).examples] == [2, 2]
 
 
+def test_an_object_with_fewer_touches_than_the_run_shows_its_own(tmp_path, results, clouds):
+    clouds["0/touches"] = clouds["0/touches"][:15]
+    del clouds["1/touches"]
+    folder = put(tmp_path / "run", results, clouds, names(results))
+    about = {"names": json.dumps(names(results)), "touches": json.dumps([1, 0])}
+    save_file(clouds, folder / "examples.safetensors", about)
+    one, none = gather([folder]).examples
+    assert [len(touch) for touch in one.touches] == [15]
+    assert (none.touches, none.example.touches) == ([], None)
+
+
 def test_only_objects_that_all_runs_show_are_shown(tmp_path, run, other, results):
     made, clouds = other
     second = {key.replace("1/", "0/"): cloud for key, cloud in clouds.items() if key.startswith("1/")}

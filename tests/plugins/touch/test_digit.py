@@ -112,6 +112,50 @@ def test_noise_moves_only_what_it_is_said_to_move():
     assert turned.std() == pytest.approx(1.0, rel=0.25)
 
 
+SHARED = {"noise": {"shared_position_noise": 1.0, "shared_rotation_noise": 2.0}}
+
+
+def _motion(before, after):
+    """The rigid motion between the poses of two touches, in the object's frame."""
+    return after.poses[0] @ np.linalg.inv(before.poses[0])
+
+
+@pytest.mark.parametrize("private", [{}, {"position_noise": 0.5, "rotation_noise": 1.0}])
+@pytest.mark.parametrize("policy", ["sparse", "grasp"])
+def test_a_shared_error_moves_all_touches_of_an_object_alike(private, policy):
+    shape = SHAPES["box"].copy().apply_translation([300.0, 0.0, -50.0])
+    before = touch(shape, 3, policy=policy, **private)
+    after = touch(shape, 3, policy=policy, **private, **SHARED)
+    first = _motion(before[0], after[0])
+    np.testing.assert_allclose(first[:3, :3] @ first[:3, :3].T, np.eye(3), atol=1e-9)
+    assert not np.allclose(first, np.eye(4), atol=1e-3)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_allclose(other.points, one.points @ first[:3, :3].T + first[:3, 3], atol=1e-8)
+        np.testing.assert_allclose(other.poses, first @ one.poses, atol=1e-8)
+        assert (other.contact_area, other.finger.tolist()) == (one.contact_area, one.finger.tolist())
+
+
+def test_a_shared_error_depends_on_the_object_alone():
+    alone, several = (touch(SHAPES["box"], count, **SHARED)[0] for count in (1, 4))
+    assert np.array_equal(alone.points, several.points)
+    motions = [_motion(touch(SHAPES["box"], seed=k)[0], touch(SHAPES["box"], seed=k, **SHARED)[0]) for k in range(2)]
+    assert not np.allclose(*motions)
+
+
+def test_a_shared_error_has_its_deviation_about_the_middle_of_the_object_in_millimetres():
+    noise = digit(**SHARED).hand.noise
+    errors = np.array([noise.shared_error(np.random.default_rng(k)) for k in range(300)])
+    assert errors[:, :3, 3].std() == pytest.approx(1.0, rel=0.1)
+    turned = Rotation.from_matrix(errors[:, :3, :3]).as_rotvec(degrees=True)
+    assert turned.std() == pytest.approx(2.0, rel=0.1)
+    # A box of 0.06 that is taken to be 60 mm long: its middle moves by the position error alone, in metres.
+    metres = SHAPES["box"].copy().apply_scale(0.001).apply_translation([2.0, 0.0, 0.0])
+    motion = _motion(*(touch(metres, object_size=60.0, **more)[0] for more in ({}, SHARED)))
+    in_mm = _motion(touch(SHAPES["box"])[0], touch(SHAPES["box"], **SHARED)[0])
+    moved = motion[:3, :3] @ np.array([2.0, 0.0, 0.0]) + motion[:3, 3] - np.array([2.0, 0.0, 0.0])
+    np.testing.assert_allclose(moved * 1000, in_mm[:3, 3], atol=1e-9)
+
+
 def test_the_tilt_stays_within_twice_its_deviation():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=50)
     poses = np.concatenate([touched.poses for touched in touch(ball, 40, tilt=4.0)])

@@ -25,6 +25,8 @@ def test_no_noise_is_no_change():
     outside = np.where(disc(), CURVED, -np.inf)
     assert np.array_equal(measure(heights=outside), outside)
     assert np.array_equal(Noise().pose_error(np.random.default_rng(0)), np.eye(4))
+    assert np.array_equal(Noise().shared_error(np.random.default_rng(0)), np.eye(4))
+    assert not Noise(position_noise=1.0, rotation_noise=1.0).shared
 
 
 @pytest.mark.parametrize(

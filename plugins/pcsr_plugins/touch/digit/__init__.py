@@ -3,6 +3,7 @@
 docs/touch.md describes the model and the sources of its figures.
 """
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -122,7 +123,15 @@ class Digit(TouchSource):
                 )
             found.append(touch)
             touched = np.concatenate([touched, (touch.points - rays.to_object[:3, 3]) * rays.unit])
-        return found
+        if not self.hand.noise.shared:
+            return found
+        # No touch has a third number in its seed, so that the stream is no touch's, however many there are.
+        shared = self.hand.noise.shared_error(np.random.default_rng((seed, 0, 1)))
+        motion = rays.to_object @ shared @ np.linalg.inv(rays.to_object)
+        return [
+            replace(touch, points=touch.points @ motion[:3, :3].T + motion[:3, 3], poses=motion @ touch.poses)
+            for touch in found
+        ]
 
     def _check_size(self, rays: MeshRays, name: str) -> None:
         width, height = self.sensor.width, self.sensor.height

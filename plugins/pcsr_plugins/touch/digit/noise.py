@@ -1,4 +1,4 @@
-"""The errors of a tactile sensor, each a term of its own: of the heights that it measures, and of its pose.
+"""The errors of a tactile sensor, each a term of its own: of the heights that it measures, and of its poses.
 
 Every random term has a random stream of its own. Setting one changes nothing about the others.
 """
@@ -18,6 +18,7 @@ WAVES = 128
 
 
 Deviation = Annotated[float, Field(ge=0, le=1000)]
+Angle = Annotated[float, Field(ge=0, le=180)]
 
 
 class Noise(Options):
@@ -35,8 +36,17 @@ class Noise(Options):
     """Step of the heights, in mm."""
     position_noise: Deviation = 0.0
     """Standard deviation of the pose's error along each axis, in mm."""
-    rotation_noise: Annotated[float, Field(ge=0, le=180)] = 0.0
+    rotation_noise: Angle = 0.0
     """Standard deviation of the pose's error about each axis, in degrees."""
+    shared_position_noise: Deviation = 0.0
+    """Standard deviation, along each axis in mm, of an error that all touches of an object share."""
+    shared_rotation_noise: Angle = 0.0
+    """Standard deviation, about each axis in degrees, of an error that all touches of an object share."""
+
+    @property
+    def shared(self) -> bool:
+        """Whether the touches of an object share an error."""
+        return self.shared_position_noise > 0 or self.shared_rotation_noise > 0
 
     def heights(
         self,
@@ -69,11 +79,20 @@ class Noise(Options):
 
     def pose_error(self, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
         """A small rigid motion, in mm, in the sensor's own frame."""
-        turning, moving = rng.normal(size=(2, 3))
-        error = np.eye(4)
-        error[:3, :3] = Rotation.from_rotvec(turning * self.rotation_noise, degrees=True).as_matrix()
-        error[:3, 3] = moving * self.position_noise
-        return error
+        return _motion(self.position_noise, self.rotation_noise, rng)
+
+    def shared_error(self, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
+        """The rigid motion that all touches of an object share, in mm, about the centre of its bounding box."""
+        return _motion(self.shared_position_noise, self.shared_rotation_noise, rng)
+
+
+def _motion(position: float, rotation: float, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
+    """A rotation vector and a translation with normal coordinates of these deviations, in degrees and mm."""
+    turning, moving = rng.normal(size=(2, 3))
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_rotvec(turning * rotation, degrees=True).as_matrix()
+    motion[:3, 3] = moving * position
+    return motion
 
 
 def blurred(
