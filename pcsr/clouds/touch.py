@@ -38,6 +38,12 @@ class Touch:
     """Name of the sensor."""
     contact_area: float | None
     """Area of the contact in the plane of the gel, summed over fingers, in square millimetres; None if unknown."""
+    view: tuple[float, float] | None = None
+    """Sides, along x and y in millimetres, of the part of a flat gel that each sensor sees, centred at its origin.
+
+    None if that is unknown or the gel is curved. Beside the contact but in view the sensor touched nothing, which tells
+    where the object ends.
+    """
 
     @classmethod
     def single(
@@ -47,6 +53,7 @@ class Touch:
         unit: float,
         sensor: str,
         contact_area: float | None = None,
+        view: tuple[float, float] | None = None,
     ) -> "Touch":
         """Create the touch of a single finger.
 
@@ -56,6 +63,7 @@ class Touch:
             unit: the object's unit in millimetres.
             sensor: name of the sensor.
             contact_area: area of the contact in square millimetres; None if unknown.
+            view: sides of the part of a flat gel that the sensor sees, in millimetres; None if unknown.
 
         Examples:
             >>> touch = Touch.single(np.zeros((5, 3)), pose=np.eye(4), unit=1.0, sensor="digit")
@@ -63,13 +71,15 @@ class Touch:
             ((5, 3), (1, 4, 4), array([0, 0, 0, 0, 0]))
         """
         poses = np.zeros((0, 4, 4)) if pose is None else np.asarray(pose, np.float64)[None]
-        return cls(np.asarray(points, np.float64), np.zeros(len(points), np.int64), poses, unit, sensor, contact_area)
+        finger = np.zeros(len(points), np.int64)
+        return cls(np.asarray(points, np.float64), finger, poses, unit, sensor, contact_area, view)
 
     @classmethod
     def grasp(cls, fingers: Sequence["Touch"]) -> "Touch":
         """Combine the touches of several fingers into one grasp.
 
-        The contact area is the sum of the fingers' areas, or None if one of them is unknown.
+        The contact area is the sum of the fingers' areas, or None if one of them is unknown. The view is that of all
+        fingers, or None if they differ.
 
         Args:
             fingers: at least one touch; all in the same unit.
@@ -93,6 +103,7 @@ class Touch:
             unit=fingers[0].unit,
             sensor="+".join(dict.fromkeys(touch.sensor for touch in fingers)),
             contact_area=sum(areas) if len(areas) == len(fingers) else None,
+            view=fingers[0].view if len({touch.view for touch in fingers}) == 1 else None,
         )
 
     def resampled(self, count: int, rng: np.random.Generator) -> "Touch":

@@ -98,6 +98,8 @@ class CloudEntry(Entry):
     """File of the cloud. None: a finger of a grasp without contact."""
     unit: Length | None = None
     """Unit of the cloud; that of the recording by default."""
+    view: Annotated[tuple[Positive, Positive], Field(strict=False)] | None = None
+    """Sides of the part of a flat gel that the sensor sees, in mm, along x and y of pcsr's sensor frame."""
     contact_area: NotNegative | None = None
     """Contact area in mm²."""
 

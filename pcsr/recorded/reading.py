@@ -237,11 +237,11 @@ def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
-        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area)
+        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
     if sensor_pose is None:
         raise UserError("pose is missing: an image is in the frame of the sensor; add it")
-    touched, area = _contact(folder, entry)
-    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area)
+    touched, area, view = _contact(folder, entry)
+    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
 
 
 def _in_object(
@@ -255,8 +255,11 @@ def _in_object(
     return transformed(pose, points * unit)
 
 
-def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float]:
-    """Return the contact points of an image, in pcsr's sensor frame, and the contact area in mm²."""
+def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float, tuple[float, float] | None]:
+    """Return the contact points of an image, in pcsr's sensor frame, the contact area in mm², and the sensor's view.
+
+    The view is None where the gel may be curved, as one with a background, or where a mask hides a part of it.
+    """
     if isinstance(entry, HeightEntry):
         height = read_image(inside(folder, entry.height)) * entry.mm_per_level
         background = _optional(folder, entry.background, height, "background")
@@ -264,13 +267,16 @@ def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], floa
         height = height if background is None else height - background * entry.mm_per_level
         indentation = height if entry.indentation == "positive" else -height
         contact = (indentation > entry.contact_above) & (True if mask is None else mask != 0)
-        return height_contact(indentation, entry.mm_per_pixel, contact)
+        flat = background is None and mask is None
+        rows, columns = height.shape
+        view = (columns * entry.mm_per_pixel, rows * entry.mm_per_pixel) if flat else None
+        return *height_contact(indentation, entry.mm_per_pixel, contact), view
     assert isinstance(entry, DepthEntry)
     depth = read_image(inside(folder, entry.depth)) * entry.unit
     background = _optional(folder, entry.background, depth, "background")
     rest = entry.face if background is None else background * entry.unit
     contact = np.isfinite(rest) & (rest - depth > entry.contact_above)
-    return depth_contact(depth, entry.intrinsics, entry.face, contact)
+    return *depth_contact(depth, entry.intrinsics, entry.face, contact), None
 
 
 def _optional(folder: Path, name: str | None, image: np.ndarray, role: str) -> np.ndarray | None:

@@ -151,6 +151,8 @@ def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, 
         if len(points):
             clouds[file] = points
         part: dict[str, Any] = {"cloud": file if len(points) else None, "unit": float(touch.unit)}
+        if touch.view is not None:
+            part["view"] = [float(side) for side in touch.view]
         if len(touch.poses):
             pose = check_matrix(touch.poses[finger], 1 / touch.unit, f"touch {stem}: pose {finger}")
             part["pose"] = {"matrix": pose.tolist(), "maps_to": "object_unit"}

@@ -9,6 +9,9 @@ from pcsr.registration.fit import Posterior
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import moved_back
 
+MOST_POINTS = 2048
+"""Largest number of points that errors are computed for; further ones have the errors of the nearest of these."""
+
 
 def point_errors(
     likelihood: Likelihood, after: Posterior, points: Float[np.ndarray, "m 3"]
@@ -24,6 +27,11 @@ def point_errors(
         after: distribution of the motion.
         points: touched points in the frame of the touch, as reported.
     """
+    if len(points) > MOST_POINTS:
+        some = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
+        nearest = cKDTree(points[some]).query(points)[1]
+        few: Float[np.ndarray, " m"] = point_errors(likelihood, after, points[some])[nearest]
+        return few
     rotation = Rotation.from_rotvec(after.motion[:3]).as_matrix()
     moved = points @ rotation.T + after.motion[3:]
     likely = after.weights > 1e-3 * after.weights.max()

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 from pcsr.clouds.touch import Touch
 from pcsr.registration.surface import TouchedSurface, View
 
-WINDOW = (16.0, 12.0)
 AROUND = 512
 """Largest number of points of the cloud that are looked at around a touch."""
 NEAREST = 4
@@ -69,8 +68,8 @@ class Situation:
             else:
                 of_finger = np.eye(3)
             view = None
-            if oriented and WINDOW:
-                view = View(((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes, WINDOW)
+            if oriented and touch.view is not None:
+                view = View(((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes, touch.view)
             surfaces.append(TouchedSurface.of(points[rows], of_finger, margin, oriented=oriented, view=view))
         radius = float(np.linalg.norm(points, axis=1).max()) + margin
         middle = centre + origin / touch.unit

@@ -10,6 +10,8 @@ NEIGHBOURS = 16
 """Number of touched points to which each tangent plane is fitted."""
 INSIDE = 1.5
 """A place belongs to the contact if a touched point is closer than `INSIDE` spacings, in the plane of the gel."""
+MOST_POINTS = 2048
+"""Largest number of touched points that the surface is fitted to; of more a random part is taken."""
 MOST_CELLS = 160
 """Largest number of cells of the grid along one side."""
 LOWEST = 0.02
@@ -86,7 +88,8 @@ class TouchedSurface:
             view: what the sensor sees; None if that is unknown.
         """
         origin = points.mean(0)
-        local = np.unique((points - origin) @ axes, axis=0)
+        some = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
+        local = np.unique((points[some] - origin) @ axes, axis=0)
         tree = cKDTree(local[:, :2])
         extent = np.ptp(local[:, :2], axis=0)
         spacing = float(np.sqrt(max(np.prod(extent), 1e-12) / len(local)))

@@ -101,4 +101,5 @@ class Hand:
         local = contact.points(self.noise.heights(contact.seen[..., 2], contact.mask, sensor.pitch, of_heights))
         # The pose is the measured one; the points lie relative to it.
         pose = rays.to_object @ contact.pose @ self.noise.pose_error(of_pose)
-        return Touch.single(local @ pose[:3, :3].T + pose[:3, 3], pose, rays.unit, sensor.name, contact.area)
+        points = local @ pose[:3, :3].T + pose[:3, 3]
+        return Touch.single(points, pose, rays.unit, sensor.name, contact.area, sensor.flat_view)

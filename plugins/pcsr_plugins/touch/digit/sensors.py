@@ -69,6 +69,11 @@ class Sensor:
         """Side of a pixel where the face is."""
         return self.width / self.pixels[0]
 
+    @property
+    def flat_view(self) -> tuple[float, float] | None:
+        """Sides of the part of the gel that is seen, in mm; None for a domed gel, or where no gel is pressed."""
+        return None if self.dome is not None or self.senses != "pressure" else (self.width, self.height)
+
 
 def names() -> list[str]:
     """The presets."""
