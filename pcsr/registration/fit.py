@@ -9,12 +9,13 @@ from scipy.special import logsumexp
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import Motions
 
-PARTICLES = 32
+PARTICLES = 64
 """Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best."""
 NARROW = 3.0
 """The latter's deviations are those of the prior, divided by this."""
-COARSE, FINE = 6, 4
-"""Number of steps with a large deviation of the cloud, which falls, and with the estimated one."""
+FIRST, SECOND, LAST = (5, 2), (2, 3), (0, 3)
+"""Numbers of steps of the first particles, the second ones and their mean: with a large deviation of the cloud, which
+falls, and with the estimated one."""
 BASIN = 30.0
 """Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
 
@@ -78,12 +79,13 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     drawn = rng.normal(size=(PARTICLES, 6))
     drawn[0] = 0
     first = prior.mean + drawn @ root.T
-    particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation)
+    widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
+    particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation, widest, FIRST)
     logs, _, _ = _logs(likelihood, particles, prior, precision, level)
     weights = np.exp(0.5 * (logs - logs.max()))
     parents = np.searchsorted(np.cumsum(weights / weights.sum()), (np.arange(PARTICLES) + 0.5) / PARTICLES)
     second = particles[parents] + rng.normal(size=(PARTICLES, 6)) @ root.T / NARROW
-    more, level, freedom = _fitted(likelihood, second, precision, floor, level if deviation is None else deviation)
+    more, level, freedom = _fitted(likelihood, second, precision, floor, deviation, max(widest / NARROW, level), SECOND)
     starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
     logs, information, inverse = _logs(likelihood, particles, prior, precision, level)
     narrow = prior.covariance / NARROW**2
@@ -95,7 +97,7 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     beside = particles - particles[best]
     same = np.einsum("si,ij,sj->s", beside, information[best], beside) < BASIN
     mean = weights[same] @ particles[same] / weights[same].sum()
-    motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, coarse=0)
+    motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, level, LAST)
     terms = likelihood.terms(motion, np.array([level]))
     own = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
     vector = own @ motion[0] + precision @ (motion[0] - mean)
@@ -126,13 +128,19 @@ def _fitted(
     precision: Float[np.ndarray, "6 6"],
     floor: float,
     deviation: float | None,
-    coarse: int = COARSE,
+    widest: float,
+    steps: tuple[int, int],
 ) -> tuple[Motions, float, float]:
-    """Fit motions to the cloud, each with its start as the mean of the prior."""
-    widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
-    level = np.full(len(start), widest if coarse else deviation)
+    """Fit motions to the cloud, each with its start as the mean of the prior.
+
+    Returns:
+        The motions, the deviation of the cloud from the best, and the number of points behind it, less the fitted
+        parameters.
+    """
+    coarse, fine = steps
+    level = np.full(len(start), widest)
     motions, count = start, np.zeros(len(start))
-    for step in range(coarse + FINE):
+    for step in range(1, coarse + fine + 1):
         terms = likelihood.terms(motions, level)
         motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
         count = np.maximum(terms.inside.sum(1) - 3, 0)
@@ -141,8 +149,8 @@ def _fitted(
         else:
             level = np.full(len(start), deviation)
         level = np.maximum(level, floor)
-        if step < coarse:
-            level = np.maximum(level, widest * (floor / widest) ** ((step + 1) / coarse))
+        if step <= coarse:
+            level = np.maximum(level, widest * (floor / widest) ** (step / coarse))
     if deviation is not None:
         return motions, deviation, float(count.max())
     best = int(likelihood.log(likelihood.terms(motions, level)).argmax())

@@ -22,7 +22,7 @@ FLOOR = 0.02
 """Smallest deviation of the cloud from a touched surface, in millimetres."""
 FLOOR_SHARE = 0.01
 """The same, in spacings of the cloud."""
-TRUSTED = 0.08
+TRUSTED = 0.12
 """Largest expected error of a touched point that is used, in spacings of the cloud."""
 FEWEST = 4
 """Fewest points of the cloud on the touched surface by which the arm's error is estimated."""
@@ -44,7 +44,7 @@ def register(
     margin = REACH * error.position + 2.0
     prior = isotropic(max(error.position, 0.01), np.radians(max(error.rotation, 0.01)))
     around = [Situation.of(touch, cloud, centre, margin) for touch in touches]
-    likelihoods = [_likelihood(one) for one in around]
+    likelihoods = [_likelihood(one, margin) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]
     first = [fit(one, Prior(np.zeros(6), prior), floor) for one, floor in zip(likelihoods, floors, strict=True)]
     deviation = _pooled(first)
@@ -72,8 +72,12 @@ def register(
     )
 
 
-def _likelihood(one: Situation) -> Likelihood:
-    return Likelihood(one.surfaces, one.near, one.spacing)
+def _likelihood(one: Situation, margin: float) -> Likelihood:
+    """Return the likelihood of a touch's motion, without points too deep behind the contact to count for any."""
+    depth = np.stack([surface.find(one.near).distance for surface in one.surfaces])
+    beside = np.stack([surface.find(one.near).outside for surface in one.surfaces])
+    near = ((depth > -margin) & np.isfinite(beside)).any(0)
+    return Likelihood(one.surfaces, one.near[near], one.spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:
