@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.registration.fit import Prior
+from pcsr.registration.fit import TEMPER, Mode, Prior
 
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.5, 2.5)
 """Deviations that are tried, in units of the stated one."""
@@ -27,11 +27,9 @@ Vector = Float[np.ndarray, "6"]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the cloud says of one touch's motion: a normal likelihood in information form."""
+    """What the cloud says of one touch's motion."""
 
-    information: Matrix
-    vector: Vector
-    """Information times the most likely motion."""
+    mode: Mode
     carried: Matrix
     """Matrix that expresses the shared motion in the frame of the touch."""
 
@@ -61,11 +59,14 @@ class Arm:
     stated: Matrix
     """Covariance of the stated error."""
     possible: Sequence[Deviations]
+    log: float
+    """Logarithm of the evidence: the probability of the cloud, given that each touch is near its mode."""
 
     @classmethod
     def of(cls, evidence: Sequence[Evidence], stated: Matrix) -> "Arm":
         """Estimate the error of the arm from the touches that the cloud constrains."""
         found = []
+        height = TEMPER * sum(one.mode.log for one in evidence)
         for private in STEPS:
             log, pieces = _marginal(evidence, private**2 * stated)
             for shared in (0.0, *STEPS):
@@ -75,7 +76,7 @@ class Arm:
         total = sum(np.exp(log - most) for log, *_ in found)
         likely = [Deviations(float(np.exp(log - most) / total), *rest) for log, *rest in found]
         best = max(one.probability for one in likely)
-        return cls(stated, [one for one in likely if one.probability >= LIKELY * best])
+        return cls(stated, [one for one in likely if one.probability >= LIKELY * best], float(most + np.log(total)) + height)
 
     @property
     def shared(self) -> float:
@@ -125,10 +126,11 @@ def _marginal(evidence: Sequence[Evidence], private: Matrix) -> tuple[float, lis
     """Integrate over the touches' own motions: the logarithm of the likelihood, and what is left for the shared one."""
     log, pieces = 0.0, []
     for one in evidence:
-        gain = np.linalg.inv(np.eye(6) + private @ one.information)
-        log += 0.5 * float(np.linalg.slogdet(gain)[1] + one.vector @ gain @ private @ one.vector)
+        gain = np.linalg.inv(np.eye(6) + private @ one.mode.information)
+        log += 0.5 * float(np.linalg.slogdet(gain)[1] + one.mode.vector @ gain @ private @ one.mode.vector)
+        log -= 0.5 * float(one.mode.vector @ np.linalg.pinv(one.mode.information) @ one.mode.vector)
         through = one.carried.T @ gain.T
-        pieces.append((through @ one.information @ one.carried, through @ one.vector))
+        pieces.append((through @ one.mode.information @ one.carried, through @ one.mode.vector))
     return log, pieces
 
 

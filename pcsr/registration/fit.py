@@ -16,6 +16,8 @@ NARROW = 3.0
 FIRST, SECOND, LAST = (5, 2), (2, 3), (0, 3)
 """Numbers of steps of the first particles, the second ones and their mean: with a large deviation of the cloud, which
 falls, and with the estimated one."""
+TEMPER = 0.5
+"""Power of the likelihood in the weights: its approximations make errors that several points share."""
 BASIN = 30.0
 """Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
 
@@ -34,15 +36,25 @@ class Prior:
 
 
 @dataclass(frozen=True)
+class Mode:
+    """What the cloud says of a touch's motion around a mode: a normal likelihood in information form."""
+
+    information: Float[np.ndarray, "6 6"]
+    """Information of the cloud about the motion, without the prior."""
+    vector: Float[np.ndarray, "6"]
+    """Information times the motion that is most likely without the prior."""
+    log: float
+    """Logarithm of the likelihood at the mode."""
+
+
+@dataclass(frozen=True)
 class Posterior:
     """Distribution of a touch's motion, given the cloud and the prior."""
 
     motion: Float[np.ndarray, "6"]
     """Mean of the particles around the best one, fitted to the cloud."""
-    information: Float[np.ndarray, "6 6"]
-    """Information of the cloud about the motion, without the prior."""
-    vector: Float[np.ndarray, "6"]
-    """Information times the motion that is most likely without the prior."""
+    mode: Mode
+    """Likelihood around `motion`."""
     deviation: float
     """Standard deviation of the cloud's points from the touched surface."""
     freedom: float
@@ -87,23 +99,47 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     second = particles[parents] + rng.normal(size=(PARTICLES, 6)) @ root.T / NARROW
     more, level, freedom = _fitted(likelihood, second, precision, floor, deviation, max(widest / NARROW, level), SECOND)
     starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
-    logs, information, inverse = _logs(likelihood, particles, prior, precision, level)
+    logs, informations, inverse = _logs(likelihood, particles, prior, precision, level)
     narrow = prior.covariance / NARROW**2
     around = logsumexp([Prior(particles[parent], narrow).log(starts) for parent in parents], axis=0) - np.log(PARTICLES)
     logs += prior.log(starts) - np.logaddexp(prior.log(starts), around)
-    weights = np.exp(logs - logs.max())
+    weights = np.exp(TEMPER * (logs - logs.max()))
     weights /= weights.sum()
     best = int(weights.argmax())
     beside = particles - particles[best]
-    same = np.einsum("si,ij,sj->s", beside, information[best], beside) < BASIN
+    same = np.einsum("si,ij,sj->s", beside, informations[best], beside) < BASIN
     mean = weights[same] @ particles[same] / weights[same].sum()
-    motion, _, _ = _fitted(likelihood, mean[None], precision, floor, level, level, LAST)
-    terms = likelihood.terms(motion, np.array([level]))
-    own = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
-    vector = own @ motion[0] + precision @ (motion[0] - mean)
+    motion, *mode = _summary(likelihood, mean, precision, floor, level)
     spread = inverse - inverse @ precision @ inverse
     jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
-    return Posterior(motion[0], own, vector, level, freedom, particles + jitter[..., 0], weights)
+    return Posterior(motion, Mode(*mode), level, freedom, particles + jitter[..., 0], weights)
+
+
+def fit_nearby(likelihood: Likelihood, prior: Prior, floor: float, deviation: float) -> Mode:
+    """Find the mode next to the mean of the prior.
+
+    Args:
+        likelihood: of the touch's motions.
+        prior: distribution of the motion before the cloud is looked at.
+        floor: smallest deviation of the points from the surface, in millimetres.
+        deviation: deviation of the points.
+    """
+    return Mode(*_summary(likelihood, prior.mean, np.linalg.inv(prior.covariance), floor, deviation)[1:])
+
+
+def _summary(
+    likelihood: Likelihood,
+    start: Float[np.ndarray, "6"],
+    precision: Float[np.ndarray, "6 6"],
+    floor: float,
+    deviation: float,
+) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6 6"], Float[np.ndarray, "6"], float]:
+    """Fit one motion; return it, the cloud's information about it, and the logarithm of its likelihood."""
+    motion, _, _ = _fitted(likelihood, start[None], precision, floor, deviation, deviation, LAST)
+    terms = likelihood.terms(motion, np.array([deviation]))
+    information = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
+    vector = information @ motion[0] + precision @ (motion[0] - start)
+    return motion[0], information, vector, float(likelihood.log(terms)[0])
 
 
 def _logs(

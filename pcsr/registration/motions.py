@@ -19,6 +19,11 @@ def moved_back(points: Float[np.ndarray, "n 3"], motions: Motions) -> Float[np.n
     return back
 
 
+def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
+    """Apply a motion to points."""
+    return points @ Rotation.from_rotvec(motion[:3]).as_matrix().T + motion[3:]
+
+
 def matrix(motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
     """Return the homogeneous matrix of a motion."""
     pose = np.eye(4)

@@ -3,11 +3,10 @@
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from pcsr.registration.fit import Posterior
 from pcsr.registration.likelihood import Likelihood
-from pcsr.registration.motions import moved_back
+from pcsr.registration.motions import moved, moved_back
 
 MOST_POINTS = 2048
 """Largest number of points that errors are computed for; further ones have the errors of the nearest of these."""
@@ -32,10 +31,9 @@ def point_errors(
         nearest = cKDTree(points[some]).query(points)[1]
         few: Float[np.ndarray, " m"] = point_errors(likelihood, after, points[some])[nearest]
         return few
-    rotation = Rotation.from_rotvec(after.motion[:3]).as_matrix()
-    moved = points @ rotation.T + after.motion[3:]
+    here = moved(points, after.motion)
     likely = after.weights > 1e-3 * after.weights.max()
-    back = moved_back(moved, after.particles[likely])
+    back = moved_back(here, after.particles[likely])
     least = np.full(back.shape[:2], np.inf)
     for surface in likelihood.surfaces:
         found = surface.find(back)
@@ -43,7 +41,7 @@ def point_errors(
     terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
     on: Bool[np.ndarray, " n"] = terms.share[0] > 0.5
     if on.any():
-        least = np.minimum(least, cKDTree(likelihood.points[on]).query(moved)[0])
+        least = np.minimum(least, cKDTree(likelihood.points[on]).query(here)[0])
     noise = max(surface.noise for surface in likelihood.surfaces)
     weights = after.weights[likely] / after.weights[likely].sum()
     errors: Float[np.ndarray, " m"] = np.sqrt(weights @ least**2 + noise**2)

@@ -8,8 +8,11 @@ from jaxtyping import Float
 
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
+from pcsr.errors import UserError
+from pcsr.geometry.checks import check_cloud
+from pcsr.registration.acceptance import Judgement, judge
 from pcsr.registration.arm import Arm, Evidence
-from pcsr.registration.fit import Posterior, Prior, fit
+from pcsr.registration.fit import Posterior, Prior, fit, fit_nearby
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import carried, isotropic, matrix
 from pcsr.registration.point_errors import point_errors
@@ -18,14 +21,16 @@ from pcsr.registration.situation import Situation
 
 REACH = 3.0
 """Distance from a touch up to which the cloud is looked at, in deviations of the position."""
+BESIDE = 2.0
+"""The same for an exact arm, in millimetres."""
 FLOOR = 0.02
 """Smallest deviation of the cloud from a touched surface, in millimetres."""
 FLOOR_SHARE = 0.01
 """The same, in spacings of the cloud."""
-TRUSTED = 0.12
-"""Largest expected error of a touched point that is used, in spacings of the cloud."""
 FEWEST = 4
 """Fewest points of the cloud on the touched surface by which the arm's error is estimated."""
+LEAST_POSITION, LEAST_ROTATION = 0.01, 0.01
+"""Smallest deviations of a pose that is not exact, in millimetres and degrees."""
 
 
 def register(
@@ -33,82 +38,152 @@ def register(
 ) -> Registration:
     """Register touches to a cloud.
 
+    Each touch is a dense piece of the surface. It is moved onto the points of the cloud around it, as far as the error
+    of the arm makes that likely, along the directions that they constrain. How large the error is, and what of it all
+    touches share, is estimated from all touches. Of each touch those points are kept whose expected error is smaller
+    than the cloud's.
+
     Args:
         touches: touches of one recording, in the frame and unit of the cloud.
         cloud: points that a camera or scanner saw, (n 3), finite.
-        pose_error: error of the poses, as far as it is known; 1 mm and 2 degrees by default. Its size is estimated
-            from the touches too.
+        pose_error: error of the poses, as far as it is known; 1 mm and 2 degrees by default.
+
+    Raises:
+        UserError: the cloud or a touch is empty or not finite, or the touches have different units.
+
+    Examples:
+        >>> x, y = np.meshgrid(np.arange(-10.0, 10.1), np.arange(-10.0, 10.1))
+        >>> plate = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        >>> pose = np.eye(4)
+        >>> touch = pcsr.Touch.single(plate[::3] * [0.4, 0.4, 1] + [0, 0, 0.7], pose, unit=1.0, sensor="digit")
+        >>> registered = pcsr.register([touch], plate).touches[0]
+        >>> registered.verdict, bool(abs(registered.touch.points[:, 2]).max() < 0.05)
+        ('moved', True)
     """
     error = PoseError() if pose_error is None else pose_error
+    _check(touches, cloud)
+    if error.exact or not touches:
+        return _unmoved(touches)
     centre = cloud.mean(0)
-    margin = REACH * error.position + 2.0
-    prior = isotropic(max(error.position, 0.01), np.radians(max(error.rotation, 0.01)))
+    margin = REACH * error.position + BESIDE
+    stated = isotropic(max(error.position, LEAST_POSITION), np.radians(max(error.rotation, LEAST_ROTATION)))
     around = [Situation.of(touch, cloud, centre, margin) for touch in touches]
     likelihoods = [_likelihood(one, margin) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]
-    first = [fit(one, Prior(np.zeros(6), prior), floor) for one, floor in zip(likelihoods, floors, strict=True)]
+    first = [fit(one, Prior(np.zeros(6), stated), floor) for one, floor in zip(likelihoods, floors, strict=True)]
     deviation = _pooled(first)
     frames = [carried(one.axes, one.origin) for one in around]
-    used = [
-        number
-        for number, (found, one) in enumerate(zip(first, likelihoods, strict=True))
-        if _support(one, found.motion, found.deviation) >= FEWEST
-    ]
-    evidence = [Evidence(first[number].information, first[number].vector, frames[number]) for number in used]
-    arm = Arm.of(evidence, prior)
+    used = [number for number, found in enumerate(first) if found.freedom + 3 >= FEWEST]
+    arm = Arm.of([Evidence(first[n].mode, frames[n]) for n in used], stated)
+    exact = Prior(np.zeros(6), stated)
+    reported = [fit_nearby(likelihoods[n], exact, floors[n], max(deviation, floors[n])) for n in used]
+    trusted = Arm.of([Evidence(mode, frames[n]) for mode, n in zip(reported, used, strict=True)], stated)
+    arm = trusted if trusted.log > arm.log else arm
     results = []
     for number, (touch, one, likelihood) in enumerate(zip(touches, around, likelihoods, strict=True)):
         before = arm.prior(frames[number], used.index(number) if number in used else None)
         after = fit(likelihood, before, floors[number], max(deviation, floors[number]))
         errors = point_errors(likelihood, after, one.points)
-        results.append(_result(touch, one, likelihood, after, errors, centre))
+        judgement = judge(one, likelihood, before, after, errors)
+        results.append(_result(touch, one, after, errors, judgement, centre))
     offset = arm.offset()
-    return Registration(
-        results,
-        matrix(offset.mean),
-        offset.covariance,
-        arm.shared * error.position,
-        arm.private * error.position,
-    )
+    shared = _in_cloud(matrix(offset.mean), np.eye(3), np.zeros(3), centre, touches[0].unit)
+    covariance = _scaled(offset.covariance, touches[0].unit)
+    return Registration(results, shared, covariance, arm.shared * error.position, arm.private * error.position)
+
+
+def _check(touches: Sequence[Touch], cloud: Float[np.ndarray, "n 3"]) -> None:
+    check_cloud(cloud)
+    if len({touch.unit for touch in touches}) > 1:
+        raise UserError(f"touches of one recording need the same unit, got {[touch.unit for touch in touches]} mm")
+    for number, touch in enumerate(touches):
+        if len(touch.points) == 0 or not np.isfinite(touch.points).all():
+            raise UserError(f"touch {number} has {len(touch.points)} points, which must be some and finite")
+
+
+def _unmoved(touches: Sequence[Touch]) -> Registration:
+    """Return the registration of touches with exact poses."""
+    kept = [
+        RegisteredTouch(
+            touch, np.eye(4), np.zeros((6, 6)), np.zeros(len(touch.points)), 0, "kept", "its pose is exact"
+        )
+        for touch in touches
+    ]
+    return Registration(kept, np.eye(4), np.zeros((6, 6)), 0.0, 0.0)
 
 
 def _likelihood(one: Situation, margin: float) -> Likelihood:
     """Return the likelihood of a touch's motion, without points too deep behind the contact to count for any."""
-    depth = np.stack([surface.find(one.near).distance for surface in one.surfaces])
-    beside = np.stack([surface.find(one.near).outside for surface in one.surfaces])
-    near = ((depth > -margin) & np.isfinite(beside)).any(0)
+    found = [surface.find(one.near) for surface in one.surfaces]
+    near = np.zeros(len(one.near), bool)
+    for each in found:
+        near |= (each.distance > -margin) & np.isfinite(each.outside)
     return Likelihood(one.surfaces, one.near[near], one.spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:
+    """Return the deviation of the cloud from all touched surfaces."""
     total = sum(one.freedom for one in fits)
     return float(np.sqrt(sum(one.freedom * one.deviation**2 for one in fits) / total)) if total else 0.0
 
 
-def _support(likelihood: Likelihood, motion: Float[np.ndarray, "6"], deviation: float) -> int:
-    terms = likelihood.terms(motion[None], np.array([deviation]))
-    return int((terms.inside > 0.5).sum())
+def _result(
+    touch: Touch,
+    one: Situation,
+    after: Posterior,
+    errors: Float[np.ndarray, " m"],
+    judgement: Judgement,
+    centre: Float[np.ndarray, "3"],
+) -> RegisteredTouch:
+    """Express the motion of a touch in the frame and unit of the cloud."""
+    still = judgement.verdict == "kept"
+    local = np.eye(4) if still else matrix(after.motion)
+    motion = np.eye(4) if still else _in_cloud(local, one.axes, one.origin, centre, touch.unit)
+    points = touch.points if still else touch.points @ motion[:3, :3].T + motion[:3, 3]
+    turned = np.kron(np.eye(2), one.axes)
+    new = replace(
+        touch,
+        points=points[judgement.kept],
+        finger=touch.finger[judgement.kept],
+        poses=motion @ touch.poses if len(touch.poses) else touch.poses,
+    )
+    return RegisteredTouch(
+        touch=new,
+        motion=motion,
+        covariance=_scaled(turned @ after.covariance @ turned.T, touch.unit),
+        errors=errors[judgement.kept] / touch.unit,
+        support=judgement.support,
+        verdict=judgement.verdict,
+        reason=judgement.reason,
+    )
 
 
-def _result(touch, one, likelihood, after, errors, centre) -> RegisteredTouch:
-    to_touch = np.eye(4)
-    to_touch[:3, :3] = one.axes
-    to_touch[:3, 3] = one.origin
-    local = matrix(after.motion)
-    motion = to_touch @ local @ np.linalg.inv(to_touch)  # millimetres, from the centroid
-    rotation, shift = motion[:3, :3], motion[:3, 3]
+def _in_cloud(
+    motion: Float[np.ndarray, "4 4"],
+    axes: Float[np.ndarray, "3 3"],
+    origin: Float[np.ndarray, "3"],
+    centre: Float[np.ndarray, "3"],
+    unit: float,
+) -> Float[np.ndarray, "4 4"]:
+    """Express a motion of a frame, in millimetres, in the frame and unit of the cloud.
+
+    Args:
+        motion: in the frame with these axes.
+        axes: as columns.
+        origin: origin of that frame, from the centre and in millimetres.
+        centre: centroid of the cloud.
+        unit: unit of the cloud in millimetres.
+    """
+    turned = axes @ motion[:3, :3] @ axes.T
+    about = centre + origin / unit
     whole = np.eye(4)
-    whole[:3, :3] = rotation
-    whole[:3, 3] = centre + shift / touch.unit - rotation @ centre
-    kept = errors <= TRUSTED * one.spacing
-    support = _support(likelihood, after.motion, after.deviation)
-    moved = touch.points @ rotation.T + whole[:3, 3]
-    poses = whole @ touch.poses if len(touch.poses) else touch.poses
-    verdict = "moved" if kept.all() else "partly" if kept.any() else "refused"
-    new = replace(touch, points=moved[kept], finger=touch.finger[kept], poses=poses)
-    big = np.zeros((6, 6))
-    big[:3, :3] = big[3:, 3:] = one.axes
-    covariance = big @ after.covariance @ big.T
-    covariance[3:] /= touch.unit
-    covariance[:, 3:] /= touch.unit
-    return RegisteredTouch(new, whole, covariance, errors[kept] / touch.unit, support, verdict, "")
+    whole[:3, :3] = turned
+    whole[:3, 3] = about + axes @ motion[:3, 3] / unit - turned @ about
+    return whole
+
+
+def _scaled(covariance: Float[np.ndarray, "6 6"], unit: float) -> Float[np.ndarray, "6 6"]:
+    """Return a covariance with translations in another unit than the millimetre."""
+    scale = np.repeat([1.0, 1 / unit], 3)
+    scaled: Float[np.ndarray, "6 6"] = covariance * np.outer(scale, scale)
+    return scaled

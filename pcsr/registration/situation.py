@@ -14,7 +14,9 @@ AROUND = 512
 NEAREST = 4
 """Number of neighbours by which the spacing of the cloud is measured."""
 FEWEST = 4
-"""Smallest number of touched points that make a surface."""
+"""Smallest number of points that make a surface or a layer."""
+GAP = 1.5
+"""Smallest distance between two layers, in spacings of the cloud."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,9 @@ class Situation:
     """Points of the cloud around the touch, in its frame."""
     spacing: float
     """Spacing of the cloud there; of the touch if there is no cloud."""
+    layers: int
+    """Number of layers of the cloud behind the contact: two, if the touch is in front of a surface that is seen from
+    both sides; at most one, if it is on a side that the cloud does not show."""
 
     @property
     def noise(self) -> float:
@@ -82,7 +87,10 @@ class Situation:
         spacing = _spacing(near)
         if len(near) > AROUND:
             near = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
-        return cls(points, origin, axes, tuple(surfaces), near, spacing)
+        behind = (cloud - middle) @ axes * touch.unit
+        width = float(np.sqrt((points[:, :2] ** 2).sum(1).mean()))
+        depth = -behind[np.linalg.norm(behind[:, :2], axis=1) <= width, 2]
+        return cls(points, origin, axes, tuple(surfaces), near, spacing, _layers(depth[depth > 0], spacing))
 
 
 def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.ndarray, "3 3"], bool]:
@@ -110,3 +118,12 @@ def _spacing(points: Float[np.ndarray, "n 3"]) -> float:
         return 1.0
     k = min(NEAREST, len(points) - 1)
     return float(np.median(cKDTree(points).query(points, k=range(2, k + 2))[0].mean(1)))
+
+
+def _layers(depth: Float[np.ndarray, " k"], spacing: float) -> int:
+    """Count the layers of points behind a contact, at most two: the widest gap in their depths separates them."""
+    if len(depth) < 2 * FEWEST:
+        return int(len(depth) > 0)
+    depth = np.sort(depth)
+    gaps = np.diff(depth[FEWEST - 1 : len(depth) - FEWEST + 1])
+    return 2 if len(gaps) and gaps.max() > GAP * spacing else 1

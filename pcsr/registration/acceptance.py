@@ -1,0 +1,103 @@
+"""Which touched points are used: those that are more exact than the cloud, of touches that agree with it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import cKDTree
+
+from pcsr.registration.fit import Posterior, Prior
+from pcsr.registration.likelihood import Likelihood
+from pcsr.registration.motions import moved, moved_back
+from pcsr.registration.records import Verdict
+from pcsr.registration.situation import Situation
+
+TRUSTED = 0.12
+"""Error of a surface through the cloud, in spacings of the cloud."""
+REACH = 3.0
+"""Beyond this distance from the cloud, in spacings, a surface is not seen."""
+UNSEEN = 0.2
+"""Largest expected error of a touched point there, as a share of its distance from the cloud."""
+BEHIND = 5.0
+"""A point of the cloud this many deviations behind the touch belongs to another surface."""
+IN_FINGER = 3
+"""Number of points of the cloud that may lie where the finger was: strays."""
+SHARE_IN_FINGER = 0.15
+"""The same, as a share of the points on the touched surface."""
+FARTHEST = 22.5
+"""Largest squared distance of a motion from what is expected of the arm, in deviations: the 0.999 quantile of the χ²
+distribution with 6 degrees of freedom."""
+STILL = 0.02
+"""Motions by less than this, in millimetres, are not made."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Verdict on one touch."""
+
+    verdict: Verdict
+    reason: str
+    kept: Bool[np.ndarray, " m"]
+    """Which points are used."""
+    support: int
+    """Number of points of the cloud on the touched surface."""
+
+
+def judge(
+    one: Situation, likelihood: Likelihood, prior: Prior, after: Posterior, errors: Float[np.ndarray, " m"]
+) -> Judgement:
+    """Decide which points of a touch are used.
+
+    Args:
+        one: the touch and the cloud around it.
+        likelihood: of the touch's motion.
+        prior: distribution of the motion before the cloud was looked at.
+        after: distribution of the motion.
+        errors: expected error of each touched point, in millimetres.
+    """
+    here = moved(one.points, after.motion)
+    shift = float(np.sqrt(((here - one.points) ** 2).sum(1).mean()))
+    none = np.zeros(len(here), bool)
+    terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
+    support = int((terms.inside > 0.5).sum())
+    in_finger = int((terms.against < np.log(0.1)).sum())
+    if in_finger > max(IN_FINGER, SHARE_IN_FINGER * support):
+        return Judgement("refused", f"{in_finger} points of the cloud lie where the finger was", none, support)
+    away = after.motion - prior.mean
+    if away @ np.linalg.solve(prior.covariance, away) > FARTHEST:
+        return Judgement(
+            "refused", f"it would have to move by {shift:.2f} mm, more than the error of the arm explains", none, support
+        )
+    allowed = _allowed(one, after, here)
+    kept = errors <= allowed
+    if not kept.any():
+        reason = f"its expected error, {np.median(errors):.2g} mm, exceeds that of the cloud, {np.median(allowed):.2g} mm"
+        return Judgement("refused", reason, kept, support)
+    if not kept.all():
+        reason = f"at {(~kept).sum()} points the expected error exceeds that of the cloud, {np.median(allowed):.2g} mm"
+        return Judgement("partly", reason, kept, support)
+    if support:
+        reason = f"{support} points of the cloud lie on it"
+    else:
+        reason = "no point of the cloud lies on it, so that it cannot be checked"
+    return Judgement("kept" if shift < STILL else "moved", reason, kept, support)
+
+
+def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
+    """Return the error of the cloud at each touched point, in millimetres.
+
+    Where the cloud has points, it is a share of their spacing; elsewhere the cloud tells nothing, and it is a share of
+    the distance from the cloud. Points so far behind the contact that the error of the pose doesn't explain it are of
+    another surface, such as the far side.
+    """
+    back = moved_back(one.near, after.motion[None])
+    distance = np.max([surface.find(back).distance[0] for surface in one.surfaces], axis=0)
+    across = BEHIND * np.sqrt(after.covariance[5, 5] + after.deviation**2)
+    near = one.near if one.layers > 1 else one.near[distance > -across]
+    if len(near) == 0:
+        return np.full(len(here), TRUSTED * one.spacing if one.layers > 1 else np.inf)
+    away = cKDTree(near).query(here)[0]
+    allowed: Float[np.ndarray, " m"] = np.where(
+        (away <= REACH * one.spacing) | (one.layers > 1), TRUSTED * one.spacing, np.maximum(TRUSTED * one.spacing, UNSEEN * away)
+    )
+    return allowed
