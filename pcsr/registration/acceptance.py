@@ -16,8 +16,11 @@ TRUSTED = 0.12
 """Error of a surface through the cloud, in spacings of the cloud."""
 REACH = 3.0
 """Beyond this distance from the cloud, in spacings, a surface is not seen."""
-UNSEEN = 0.2
+UNSEEN = 0.15
 """Largest expected error of a touched point there, as a share of its distance from the cloud."""
+FULL = 0.6
+"""Share of the expected number of points on the touched surface that speaks for it fully; with fewer, less error is
+allowed in proportion."""
 BEHIND = 5.0
 """A point of the cloud this many deviations behind the touch belongs to another surface."""
 IN_FINGER = 3
@@ -68,7 +71,8 @@ def judge(
         return Judgement(
             "refused", f"it would have to move by {shift:.2f} mm, more than the error of the arm explains", none, support
         )
-    allowed = _allowed(one, after, here)
+    agreement = min(1.0, terms.inside.sum() / (FULL * likelihood.expected))
+    allowed = _allowed(one, after, here, TRUSTED * agreement * one.spacing)
     kept = errors <= allowed
     if not kept.any():
         reason = f"its expected error, {np.median(errors):.2g} mm, exceeds that of the cloud, {np.median(allowed):.2g} mm"
@@ -83,7 +87,7 @@ def judge(
     return Judgement("kept" if shift < STILL else "moved", reason, kept, support)
 
 
-def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
+def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], seen: float) -> Float[np.ndarray, " m"]:
     """Return the error of the cloud at each touched point, in millimetres.
 
     Where the cloud has points, it is a share of their spacing; elsewhere the cloud tells nothing, and it is a share of
@@ -95,9 +99,9 @@ def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"]) -
     across = BEHIND * np.sqrt(after.covariance[5, 5] + after.deviation**2)
     near = one.near if one.layers > 1 else one.near[distance > -across]
     if len(near) == 0:
-        return np.full(len(here), TRUSTED * one.spacing if one.layers > 1 else np.inf)
+        return np.full(len(here), seen if one.layers > 1 else np.inf)
     away = cKDTree(near).query(here)[0]
     allowed: Float[np.ndarray, " m"] = np.where(
-        (away <= REACH * one.spacing) | (one.layers > 1), TRUSTED * one.spacing, np.maximum(TRUSTED * one.spacing, UNSEEN * away)
+        (away <= REACH * one.spacing) | (one.layers > 1), seen, np.maximum(seen, UNSEEN * away)
     )
     return allowed

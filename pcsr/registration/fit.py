@@ -109,37 +109,38 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     beside = particles - particles[best]
     same = np.einsum("si,ij,sj->s", beside, informations[best], beside) < BASIN
     mean = weights[same] @ particles[same] / weights[same].sum()
-    motion, *mode = _summary(likelihood, mean, precision, floor, level)
+    motion, mode = modes(likelihood, mean[None], precision, floor, level, level, LAST)
     spread = inverse - inverse @ precision @ inverse
     jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
-    return Posterior(motion, Mode(*mode), level, freedom, particles + jitter[..., 0], weights)
+    return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
 
 
-def fit_nearby(likelihood: Likelihood, prior: Prior, floor: float, deviation: float) -> Mode:
-    """Find the mode next to the mean of the prior.
-
-    Args:
-        likelihood: of the touch's motions.
-        prior: distribution of the motion before the cloud is looked at.
-        floor: smallest deviation of the points from the surface, in millimetres.
-        deviation: deviation of the points.
-    """
-    return Mode(*_summary(likelihood, prior.mean, np.linalg.inv(prior.covariance), floor, deviation)[1:])
-
-
-def _summary(
+def modes(
     likelihood: Likelihood,
-    start: Float[np.ndarray, "6"],
+    starts: Motions,
     precision: Float[np.ndarray, "6 6"],
     floor: float,
     deviation: float,
-) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6 6"], Float[np.ndarray, "6"], float]:
-    """Fit one motion; return it, the cloud's information about it, and the logarithm of its likelihood."""
-    motion, _, _ = _fitted(likelihood, start[None], precision, floor, deviation, deviation, LAST)
-    terms = likelihood.terms(motion, np.array([deviation]))
-    information = (terms.jacobian[0] * terms.precision[0][:, None]).T @ terms.jacobian[0]
-    vector = information @ motion[0] + precision @ (motion[0] - start)
-    return motion[0], information, vector, float(likelihood.log(terms)[0])
+    widest: float,
+    steps: tuple[int, int] = SECOND,
+) -> tuple[Motions, list[Mode]]:
+    """Fit motions to the cloud, each with its start as the mean of the prior, and return what the cloud says there.
+
+    Args:
+        likelihood: of the touch's motions.
+        starts: (s 6).
+        precision: inverse of the prior's covariance.
+        floor: smallest deviation of the points from the surface, in millimetres.
+        deviation: deviation of the points.
+        widest: deviation in the first step.
+        steps: numbers of steps while the deviation falls, and with the last one.
+    """
+    motions, _, _ = _fitted(likelihood, starts, precision, floor, deviation, widest, steps)
+    terms = likelihood.terms(motions, np.full(len(motions), deviation))
+    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
+    vectors = (information @ motions[..., None])[..., 0] + (motions - starts) @ precision
+    logs = likelihood.log(terms).tolist()
+    return motions, [Mode(*one) for one in zip(information, vectors, logs, strict=True)]
 
 
 def _logs(

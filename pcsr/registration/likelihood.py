@@ -102,15 +102,20 @@ class Likelihood:
         against = np.minimum(0.0, np.log(on + background))
         return Terms(share, against, share * inside, share / variance, found.distance, jacobian)
 
+    @property
+    def expected(self) -> float:
+        """Expected number of points on the touched surface."""
+        return DENSITY / self.spacing**2 * sum(surface.area for surface in self.surfaces)
+
     def log(self, terms: Terms) -> Float[np.ndarray, " s"]:
         """Return the logarithm of the likelihood of each motion.
 
         Points where the finger was speak against a motion, and so do fewer points on the touched surface than the
         density of the cloud leads to expect.
         """
-        expected = DENSITY / self.spacing**2 * sum(surface.area for surface in self.surfaces)
-        found = np.minimum(terms.inside.sum(1), expected)
-        logarithm: Float[np.ndarray, " s"] = terms.against.sum(1) + found * np.log(expected) - gammaln(found + 1)
+        found = np.minimum(terms.inside.sum(1), self.expected)
+        few = found * np.log(self.expected) - gammaln(found + 1)
+        logarithm: Float[np.ndarray, " s"] = terms.against.sum(1) + few
         return logarithm
 
 

@@ -11,8 +11,8 @@ from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_cloud
 from pcsr.registration.acceptance import Judgement, judge
-from pcsr.registration.arm import Arm, Evidence
-from pcsr.registration.fit import Posterior, Prior, fit, fit_nearby
+from pcsr.registration.consensus import arm_of
+from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import carried, isotropic, matrix
 from pcsr.registration.point_errors import point_errors
@@ -74,11 +74,8 @@ def register(
     deviation = _pooled(first)
     frames = [carried(one.axes, one.origin) for one in around]
     used = [number for number, found in enumerate(first) if found.freedom + 3 >= FEWEST]
-    arm = Arm.of([Evidence(first[n].mode, frames[n]) for n in used], stated)
-    exact = Prior(np.zeros(6), stated)
-    reported = [fit_nearby(likelihoods[n], exact, floors[n], max(deviation, floors[n])) for n in used]
-    trusted = Arm.of([Evidence(mode, frames[n]) for mode, n in zip(reported, used, strict=True)], stated)
-    arm = trusted if trusted.log > arm.log else arm
+    known = [likelihoods[n] for n in used], [frames[n] for n in used], stated, [floors[n] for n in used], deviation
+    arm = arm_of([first[n] for n in used], *known)
     results = []
     for number, (touch, one, likelihood) in enumerate(zip(touches, around, likelihoods, strict=True)):
         before = arm.prior(frames[number], used.index(number) if number in used else None)
