@@ -69,13 +69,18 @@ def judge(
     away = after.motion - prior.mean
     if away @ np.linalg.solve(prior.covariance, away) > FARTHEST:
         return Judgement(
-            "refused", f"it would have to move by {shift:.2f} mm, more than the error of the arm explains", none, support
+            "refused",
+            f"it would have to move by {shift:.2f} mm, more than the error of the arm explains",
+            none,
+            support,
         )
     agreement = min(1.0, terms.inside.sum() / (FULL * likelihood.expected))
     allowed = _allowed(one, after, here, TRUSTED * agreement * one.spacing)
     kept = errors <= allowed
     if not kept.any():
-        reason = f"its expected error, {np.median(errors):.2g} mm, exceeds that of the cloud, {np.median(allowed):.2g} mm"
+        reason = (
+            f"its expected error, {np.median(errors):.2g} mm, exceeds that of the cloud, {np.median(allowed):.2g} mm"
+        )
         return Judgement("refused", reason, kept, support)
     if not kept.all():
         reason = f"at {(~kept).sum()} points the expected error exceeds that of the cloud, {np.median(allowed):.2g} mm"

@@ -22,7 +22,8 @@ LIKELY = 1e-3
 """Pairs of deviations with a smaller probability, relative to the best, are left out."""
 
 Matrix = Float[np.ndarray, "6 6"]
-Vector = Float[np.ndarray, "6"]
+Matrices = Float[np.ndarray, "*k 6 6"]
+Vectors = Float[np.ndarray, "*k 6"]
 
 
 @dataclass(frozen=True)
@@ -35,66 +36,59 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Deviations:
-    """One possibility of how large the errors are, in units of the stated error."""
-
-    probability: float
-    shared: float
-    private: float
-    pieces: Sequence[tuple[Matrix, Vector]]
-    """Information about the shared motion from each touch of the evidence, and its vector."""
-
-    def offset(self, stated: Matrix, without: int | None) -> Prior:
-        """Return the distribution of the shared motion, given all touches or all but one."""
-        information, vector = _sum([piece for number, piece in enumerate(self.pieces) if number != without])
-        covariance = self.shared**2 * stated
-        gain = np.linalg.solve(np.eye(6) + covariance @ information, covariance)
-        return Prior(gain @ vector, (gain + gain.T) / 2)
-
-
-@dataclass(frozen=True)
 class Arm:
-    """Estimated error of the arm."""
+    """Estimated error of the arm: q possible pairs of deviations, in units of the stated error."""
 
     stated: Matrix
     """Covariance of the stated error."""
-    possible: Sequence[Deviations]
+    probabilities: Float[np.ndarray, " q"]
+    shared_steps: Float[np.ndarray, " q"]
+    """Deviation of the shared motion."""
+    private_steps: Float[np.ndarray, " q"]
+    """Deviation of each touch's own motion."""
+    informations: Float[np.ndarray, "q k 6 6"]
+    """Information about the shared motion from each of k touches."""
+    vectors: Float[np.ndarray, "q k 6"]
+    """Information times the most likely shared motion."""
     log: float
     """Logarithm of the evidence: the probability of the cloud, given that each touch is near its mode."""
 
     @classmethod
     def of(cls, evidence: Sequence[Evidence], stated: Matrix) -> "Arm":
         """Estimate the error of the arm from the touches that the cloud constrains."""
-        found = []
-        height = TEMPER * sum(one.mode.log for one in evidence)
-        for private in STEPS:
-            log, pieces = _marginal(evidence, private**2 * stated)
-            for shared in (0.0, *STEPS):
-                doubt = 0.5 * (np.log(np.hypot(private, shared)) / DOUBT) ** 2
-                found.append((log + _log_of_shared(pieces, shared**2 * stated) - doubt, shared, private, pieces))
-        most = max(log for log, *_ in found)
-        total = sum(np.exp(log - most) for log, *_ in found)
-        likely = [Deviations(float(np.exp(log - most) / total), *rest) for log, *rest in found]
-        best = max(one.probability for one in likely)
-        return cls(stated, [one for one in likely if one.probability >= LIKELY * best], float(most + np.log(total)) + height)
+        steps = np.array(STEPS)
+        logs, informations, vectors = _marginal(evidence, steps[:, None, None] ** 2 * stated)
+        shared = np.r_[0.0, steps]
+        logs = logs[:, None] + _logs_of_shared(informations.sum(1), vectors.sum(1), shared[:, None, None] ** 2 * stated)
+        private, shared = (each.ravel() for each in np.meshgrid(steps, shared, indexing="ij"))
+        logs = logs.ravel() - 0.5 * (np.log(np.hypot(private, shared)) / DOUBT) ** 2
+        likely = np.flatnonzero(logs > logs.max() + np.log(LIKELY))
+        probabilities = np.exp(logs[likely] - logs.max())
+        total = probabilities.sum()
+        rows = likely // (len(steps) + 1)
+        return cls(
+            stated=stated,
+            probabilities=probabilities / total,
+            shared_steps=shared[likely],
+            private_steps=private[likely],
+            informations=informations[rows],
+            vectors=vectors[rows],
+            log=float(logs.max() + np.log(total)) + TEMPER * sum(one.mode.log for one in evidence),
+        )
 
     @property
     def shared(self) -> float:
         """Expected deviation of the shared motion, in units of the stated one."""
-        return self._mean("shared")
+        return float(self.probabilities @ self.shared_steps)
 
     @property
     def private(self) -> float:
         """Expected deviation of each touch's own motion, in units of the stated one."""
-        return self._mean("private")
-
-    def _mean(self, name: str) -> float:
-        total = sum(one.probability for one in self.possible)
-        return sum(one.probability * getattr(one, name) for one in self.possible) / total
+        return float(self.probabilities @ self.private_steps)
 
     def offset(self) -> Prior:
         """Return the distribution of the shared motion, in the frame of the cloud."""
-        return _mixed([(one.probability, one.offset(self.stated, None)) for one in self.possible])
+        return self._mixed(*self._offsets(None))
 
     def prior(self, carried: Matrix, without: int | None = None) -> Prior:
         """Return the distribution of a touch's motion before the cloud around it is looked at.
@@ -103,44 +97,55 @@ class Arm:
             carried: matrix that expresses the shared motion in the frame of the touch.
             without: number of the touch among the evidence, which must not count twice.
         """
-        parts = []
-        for one in self.possible:
-            offset = one.offset(self.stated, without)
-            covariance = one.private**2 * self.stated + carried @ offset.covariance @ carried.T
-            parts.append((one.probability, Prior(carried @ offset.mean, covariance)))
-        return _mixed(parts)
+        means, covariances = self._offsets(without)
+        own = self.private_steps[:, None, None] ** 2 * self.stated
+        return self._mixed(means @ carried.T, own + carried @ covariances @ carried.T)
+
+    def _offsets(self, without: int | None) -> tuple[Vectors, Matrices]:
+        """Return mean and covariance of the shared motion for each pair, given all touches or all but one."""
+        counted = np.arange(self.vectors.shape[1]) != (-1 if without is None else without)
+        information, vector = self.informations[:, counted].sum(1), self.vectors[:, counted].sum(1)
+        covariance = self.shared_steps[:, None, None] ** 2 * self.stated
+        after = np.linalg.solve(np.eye(6) + covariance @ information, covariance)
+        after = (after + after.transpose(0, 2, 1)) / 2
+        return (after @ vector[..., None])[..., 0], after
+
+    def _mixed(self, means: Vectors, covariances: Matrices) -> Prior:
+        """Return the normal distribution with the mean and covariance of the mixture."""
+        mean = self.probabilities @ means
+        away = means - mean
+        covariance = np.einsum("q,qij->ij", self.probabilities, covariances)
+        return Prior(mean, covariance + (away * self.probabilities[:, None]).T @ away)
 
 
-def _mixed(parts: Sequence[tuple[float, Prior]]) -> Prior:
-    """Return the normal distribution with the mean and covariance of a mixture."""
-    total = sum(weight for weight, _ in parts)
-    mean = sum((weight / total * one.mean for weight, one in parts), np.zeros(6))
-    covariance = sum(
-        (weight / total * (one.covariance + np.outer(one.mean - mean, one.mean - mean)) for weight, one in parts),
-        np.zeros((6, 6)),
-    )
-    return Prior(mean, covariance)
+def _marginal(evidence: Sequence[Evidence], private: Matrices) -> tuple[Float[np.ndarray, " p"], Matrices, Vectors]:
+    """Integrate over the touches' own motions.
+
+    Args:
+        evidence: of k touches.
+        private: p covariances of their own motions.
+
+    Returns:
+        The logarithms of the likelihood, (p), and what is left for the shared motion: information, (p k 6 6), and
+        vectors, (p k 6).
+    """
+    count = len(private)
+    if not evidence:
+        return np.zeros(count), np.zeros((count, 0, 6, 6)), np.zeros((count, 0, 6))
+    information = np.stack([one.mode.information for one in evidence])
+    vector = np.stack([one.mode.vector for one in evidence])
+    carried = np.stack([one.carried for one in evidence])
+    gain = np.linalg.inv(np.eye(6) + private[:, None] @ information)
+    explained = np.einsum("ki,pkij,pjl,kl->p", vector, gain, private, vector)
+    most = np.einsum("ki,kij,kj->", vector, np.linalg.pinv(information), vector)
+    logs = 0.5 * (np.linalg.slogdet(gain)[1].sum(1) + explained - most)
+    through = carried.transpose(0, 2, 1) @ gain.transpose(0, 1, 3, 2)
+    return logs, through @ information @ carried, (through @ vector[..., None])[..., 0]
 
 
-def _marginal(evidence: Sequence[Evidence], private: Matrix) -> tuple[float, list[tuple[Matrix, Vector]]]:
-    """Integrate over the touches' own motions: the logarithm of the likelihood, and what is left for the shared one."""
-    log, pieces = 0.0, []
-    for one in evidence:
-        gain = np.linalg.inv(np.eye(6) + private @ one.mode.information)
-        log += 0.5 * float(np.linalg.slogdet(gain)[1] + one.mode.vector @ gain @ private @ one.mode.vector)
-        log -= 0.5 * float(one.mode.vector @ np.linalg.pinv(one.mode.information) @ one.mode.vector)
-        through = one.carried.T @ gain.T
-        pieces.append((through @ one.mode.information @ one.carried, through @ one.mode.vector))
-    return log, pieces
-
-
-def _log_of_shared(pieces: Sequence[tuple[Matrix, Vector]], shared: Matrix) -> float:
-    """Integrate over the shared motion."""
-    information, vector = _sum(pieces)
-    gain = np.linalg.inv(np.eye(6) + shared @ information)
-    return 0.5 * float(np.linalg.slogdet(gain)[1] + vector @ gain @ shared @ vector)
-
-
-def _sum(pieces: Sequence[tuple[Matrix, Vector]]) -> tuple[Matrix, Vector]:
-    information = sum((one for one, _ in pieces), np.zeros((6, 6)))
-    return information, sum((one for _, one in pieces), np.zeros(6))
+def _logs_of_shared(information: Matrices, vector: Vectors, shared: Matrices) -> Float[np.ndarray, "p s"]:
+    """Integrate over the shared motion: for each of p sums of information, and each of s covariances."""
+    gain = np.linalg.inv(np.eye(6) + shared @ information[:, None])
+    explained = np.einsum("pi,psij,sjl,pl->ps", vector, gain, shared, vector)
+    logs: Float[np.ndarray, "p s"] = 0.5 * (np.linalg.slogdet(gain)[1] + explained)
+    return logs

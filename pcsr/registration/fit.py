@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.distance import cdist
 from scipy.special import logsumexp
 
 from pcsr.registration.likelihood import Likelihood
@@ -95,14 +96,13 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation, widest, FIRST)
     logs, _, _ = _logs(likelihood, particles, prior, precision, level)
     weights = np.exp(0.5 * (logs - logs.max()))
-    parents = np.searchsorted(np.cumsum(weights / weights.sum()), (np.arange(PARTICLES) + 0.5) / PARTICLES)
+    shares = np.cumsum(weights) / weights.sum()
+    parents = np.searchsorted(shares, (np.arange(PARTICLES) + 0.5) / PARTICLES).clip(max=PARTICLES - 1)
     second = particles[parents] + rng.normal(size=(PARTICLES, 6)) @ root.T / NARROW
     more, level, freedom = _fitted(likelihood, second, precision, floor, deviation, max(widest / NARROW, level), SECOND)
     starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
     logs, informations, inverse = _logs(likelihood, particles, prior, precision, level)
-    narrow = prior.covariance / NARROW**2
-    around = logsumexp([Prior(particles[parent], narrow).log(starts) for parent in parents], axis=0) - np.log(PARTICLES)
-    logs += prior.log(starts) - np.logaddexp(prior.log(starts), around)
+    logs += prior.log(starts) - np.logaddexp(prior.log(starts), _log_around(starts, particles[parents], root / NARROW))
     weights = np.exp(TEMPER * (logs - logs.max()))
     weights /= weights.sum()
     best = int(weights.argmax())
@@ -113,6 +113,15 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     spread = inverse - inverse @ precision @ inverse
     jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
     return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
+
+
+def _log_around(starts: Motions, centres: Motions, root: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, " s"]:
+    """Return the logarithm of the density of a mixture of normal distributions, all with the same root of covariance."""
+    squared = cdist(np.linalg.solve(root, starts.T).T, np.linalg.solve(root, centres.T).T, "sqeuclidean")
+    log: Float[np.ndarray, " s"] = (
+        logsumexp(-0.5 * squared, axis=1) - np.log(len(centres)) - np.log(np.diag(root)).sum()
+    )
+    return log
 
 
 def modes(

@@ -32,9 +32,7 @@ def matrix(motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
     return pose
 
 
-def carried(
-    axes: Float[np.ndarray, "3 3"], origin: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "6 6"]:
+def carried(axes: Float[np.ndarray, "3 3"], origin: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6 6"]:
     """Return the matrix that expresses small motions of one frame in another.
 
     Args:

@@ -12,9 +12,7 @@ MOST_POINTS = 2048
 """Largest number of points that errors are computed for; further ones have the errors of the nearest of these."""
 
 
-def point_errors(
-    likelihood: Likelihood, after: Posterior, points: Float[np.ndarray, "m 3"]
-) -> Float[np.ndarray, " m"]:
+def point_errors(likelihood: Likelihood, after: Posterior, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
     """Compute the expected error of touched points, one standard deviation, in millimetres.
 
     The true surface is known in two ways: as the touched surface, wherever the distribution of the motion puts it, and

@@ -101,9 +101,7 @@ def _check(touches: Sequence[Touch], cloud: Float[np.ndarray, "n 3"]) -> None:
 def _unmoved(touches: Sequence[Touch]) -> Registration:
     """Return the registration of touches with exact poses."""
     kept = [
-        RegisteredTouch(
-            touch, np.eye(4), np.zeros((6, 6)), np.zeros(len(touch.points)), 0, "kept", "its pose is exact"
-        )
+        RegisteredTouch(touch, np.eye(4), np.zeros((6, 6)), np.zeros(len(touch.points)), 0, "kept", "its pose is exact")
         for touch in touches
     ]
     return Registration(kept, np.eye(4), np.zeros((6, 6)), 0.0, 0.0)
