@@ -33,7 +33,8 @@ class Prior:
     def log(self, motions: Motions) -> Float[np.ndarray, " s"]:
         """Return the logarithm of the density of motions."""
         away = np.linalg.solve(np.linalg.cholesky(self.covariance), (motions - self.mean).T)
-        return -0.5 * (away**2).sum(0) - 0.5 * float(np.linalg.slogdet(self.covariance)[1])
+        log: Float[np.ndarray, " s"] = -0.5 * (away**2).sum(0) - 0.5 * np.linalg.slogdet(self.covariance)[1]
+        return log
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
 
 
 def _log_around(starts: Motions, centres: Motions, root: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, " s"]:
-    """Return the logarithm of the density of a mixture of normal distributions, all with the same root of covariance."""
+    """Return the logarithm of the density of a mixture of normal distributions with the same root of covariance."""
     squared = cdist(np.linalg.solve(root, starts.T).T, np.linalg.solve(root, centres.T).T, "sqeuclidean")
     log: Float[np.ndarray, " s"] = (
         logsumexp(-0.5 * squared, axis=1) - np.log(len(centres)) - np.log(np.diag(root)).sum()

@@ -94,7 +94,7 @@ class Likelihood:
         normal = np.concatenate([-found.slopes, np.ones((*share.shape, 1))], axis=-1)
         normal /= np.sqrt(1 + (found.slopes**2).sum(-1))[..., None]
         normal = normal @ (rotations @ surface.axes).transpose(0, 2, 1)
-        jacobian = np.empty((*share.shape, 6))
+        jacobian = np.zeros((*share.shape, 6))
         jacobian[..., 0] = lever[..., 2] * normal[..., 1] - lever[..., 1] * normal[..., 2]
         jacobian[..., 1] = lever[..., 0] * normal[..., 2] - lever[..., 2] * normal[..., 0]
         jacobian[..., 2] = lever[..., 1] * normal[..., 0] - lever[..., 0] * normal[..., 1]
@@ -123,8 +123,9 @@ def _joined(one: Terms, other: Terms) -> Terms:
     """Join the terms of two fingers: each point belongs to the surface on which it lies more likely."""
     first = one.share >= other.share
 
-    def chosen(name: str) -> Float[np.ndarray, "s n"]:
-        mine, others = getattr(one, name), getattr(other, name)
+    def chosen(name: str) -> Float[np.ndarray, "s n *k"]:
+        mine: Float[np.ndarray, "s n *k"] = getattr(one, name)
+        others: Float[np.ndarray, "s n *k"] = getattr(other, name)
         return np.where(first if mine.ndim == 2 else first[..., None], mine, others)
 
     return Terms(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pcsr.clouds.touch import Touch
@@ -101,7 +101,8 @@ def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.nda
 
 
 def _unit(pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
-    return pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+    axes: Float[np.ndarray, "3 3"] = pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+    return axes
 
 
 def _principal(centred: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "3 3"]:
