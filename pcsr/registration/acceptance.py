@@ -100,7 +100,7 @@ def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], s
     another surface, such as the far side.
     """
     back = moved_back(one.near, after.motion[None])
-    distance = np.max([surface.find(back).distance[0] for surface in one.surfaces], axis=0)
+    distance = np.max([surface.find(back)[0][0] for surface in one.surfaces], axis=0)
     across = BEHIND * np.sqrt(after.covariance[5, 5] + after.deviation**2)
     near = one.near if one.layers > 1 else one.near[distance > -across]
     if len(near) == 0:

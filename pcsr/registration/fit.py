@@ -147,10 +147,9 @@ def modes(
     """
     motions, _, _ = _fitted(likelihood, starts, precision, floor, deviation, widest, steps)
     terms = likelihood.terms(motions, np.full(len(motions), deviation))
-    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
-    vectors = (information @ motions[..., None])[..., 0] + (motions - starts) @ precision
+    vectors = (terms.information @ motions[..., None])[..., 0] + (motions - starts) @ precision
     logs = likelihood.log(terms).tolist()
-    return motions, [Mode(*one) for one in zip(information, vectors, logs, strict=True)]
+    return motions, [Mode(*one) for one in zip(terms.information, vectors, logs, strict=True)]
 
 
 def _logs(
@@ -161,12 +160,11 @@ def _logs(
     Of the prior only the constrained directions count: along the others the particles are drawn from it.
     """
     terms = likelihood.terms(particles, np.full(len(particles), level))
-    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
-    inverse = np.linalg.inv(information + precision)
+    inverse = np.linalg.inv(terms.information + precision)
     constrained = precision - precision @ inverse @ precision
     away = particles - prior.mean
     logs = likelihood.log(terms) - 0.5 * np.einsum("si,sij,sj->s", away, constrained, away)
-    return logs + 0.5 * np.linalg.slogdet(inverse)[1], information, inverse
+    return logs + 0.5 * np.linalg.slogdet(inverse)[1], terms.information, inverse
 
 
 def _fitted(
@@ -189,10 +187,11 @@ def _fitted(
     motions, count = start, np.zeros(len(start))
     for step in range(1, coarse + fine + 1):
         terms = likelihood.terms(motions, level)
-        motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
+        gradient = terms.gradient + (motions - start) @ precision
+        motions = motions - np.linalg.solve(terms.information + precision, gradient[..., None])[..., 0]
         count = np.maximum(terms.inside.sum(1) - 3, 0)
         if deviation is None:
-            level = np.sqrt((terms.inside * terms.distance**2).sum(1) / np.maximum(count, 1))
+            level = np.sqrt((terms.inside * terms.squared).sum(1) / np.maximum(count, 1))
         else:
             level = np.full(len(start), deviation)
         level = np.maximum(level, floor)
@@ -202,18 +201,3 @@ def _fitted(
         return motions, deviation, float(count.max())
     best = int(likelihood.log(likelihood.terms(motions, level)).argmax())
     return motions, float(level[best]), float(count[best])
-
-
-def _step(
-    jacobian: Float[np.ndarray, "s n 6"],
-    distance: Float[np.ndarray, "s n"],
-    weights: Float[np.ndarray, "s n"],
-    precision: Float[np.ndarray, "6 6"],
-    away: Motions,
-) -> Motions:
-    """Return one step of Gauss and Newton for each motion."""
-    weighted = jacobian * weights[..., None]
-    hessian = weighted.transpose(0, 2, 1) @ jacobian + precision
-    gradient = (weighted * distance[..., None]).sum(1) + away @ precision
-    step: Motions = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
-    return step

@@ -34,8 +34,7 @@ def point_errors(likelihood: Likelihood, after: Posterior, points: Float[np.ndar
     back = moved_back(here, after.particles[likely])
     least = np.full(back.shape[:2], np.inf)
     for surface in likelihood.surfaces:
-        found = surface.find(back)
-        least = np.minimum(least, np.hypot(found.distance, found.outside))
+        least = np.minimum(least, np.hypot(*surface.find(back)))
     terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
     on: Bool[np.ndarray, " n"] = terms.share[0] > 0.5
     if on.any():
