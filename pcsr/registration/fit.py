@@ -22,6 +22,9 @@ TEMPER = 0.5
 BASIN = 30.0
 """Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
 
+ROUNDING = 1e-10
+"""Variances are known up to this share of those of the prior."""
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -89,6 +92,8 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     """
     rng = np.random.default_rng(0)
     root = np.linalg.cholesky(prior.covariance)
+    if len(likelihood.points) == 0:
+        return _unchanged(prior, rng.normal(size=(PARTICLES, 6)) @ root.T, floor if deviation is None else deviation)
     precision = np.linalg.inv(prior.covariance)
     drawn = rng.normal(size=(PARTICLES, 6))
     drawn[0] = 0
@@ -112,8 +117,18 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     mean = weights[same] @ particles[same] / weights[same].sum()
     motion, mode = modes(likelihood, mean[None], precision, floor, level, level, LAST)
     spread = inverse - inverse @ precision @ inverse
-    jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
+    jitter = np.linalg.cholesky(spread + ROUNDING * np.diag(np.diag(prior.covariance))) @ rng.normal(
+        size=(2 * PARTICLES, 6, 1)
+    )
     return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
+
+
+def _unchanged(prior: Prior, drawn: Motions, deviation: float) -> Posterior:
+    """Return the prior as the distribution of a touch's motion, if there is no cloud around it."""
+    particles = prior.mean + np.concatenate([drawn, -drawn])
+    weights = np.full(len(particles), 1 / len(particles))
+    nothing = Mode(np.zeros((6, 6)), np.zeros(6), 0.0)
+    return Posterior(prior.mean, nothing, deviation, 0.0, particles, weights)
 
 
 def _log_around(starts: Motions, centres: Motions, root: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, " s"]:

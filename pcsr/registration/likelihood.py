@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
-from scipy.special import gammaln
+from scipy.special import gammaln, xlogy
 
 from pcsr.registration.motions import Motions, carried
 from pcsr.registration.surface import TouchedSurface
@@ -89,6 +89,9 @@ class Likelihood:
             parts = _divided(parts)
         information = np.zeros((len(motions), 6, 6))
         gradient = np.zeros((len(motions), 6))
+        if not parts:
+            none = np.zeros((len(motions), len(self.points)))
+            return Terms(none, none + 1, none, none, information, gradient)
         for part in parts:
             moments = (part.rows * part.weights[:, None]) @ part.rows.transpose(0, 2, 1)
             back = part.frames.transpose(0, 2, 1)
@@ -153,7 +156,7 @@ class Likelihood:
         density of the cloud leads to expect.
         """
         found = np.minimum(terms.inside.sum(1), self.expected)
-        few = found * np.log(self.expected) - gammaln(found + 1)
+        few = xlogy(found, self.expected) - gammaln(found + 1)
         logarithm: Float[np.ndarray, " s"] = terms.against.sum(1) + few
         return logarithm
 

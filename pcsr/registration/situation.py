@@ -17,6 +17,8 @@ FEWEST = 4
 """Smallest number of points that make a surface or a layer."""
 MOST_BALLS = 64
 """Largest number of balls that cover the cylinder behind a contact."""
+LINE = 0.01
+"""Points lie on a line if their extent across it is smaller, as a share of that along it."""
 GAP = 1.5
 """Smallest distance between two layers, in spacings of the cloud."""
 
@@ -32,7 +34,7 @@ class Situation:
     axes: Float[np.ndarray, "3 3"]
     """Axes of the touch as columns, in the frame of the object."""
     surfaces: tuple[TouchedSurface, ...]
-    """Surface of each finger."""
+    """Surface of each finger; without those whose points make none, such as points on a line."""
     near: Float[np.ndarray, "n 3"]
     """Points of the cloud around the touch, in its frame."""
     spacing: float
@@ -46,7 +48,7 @@ class Situation:
     @property
     def noise(self) -> float:
         """Noise of the touched points."""
-        return max(surface.noise for surface in self.surfaces)
+        return max((surface.noise for surface in self.surfaces), default=0.0)
 
     @classmethod
     def of(cls, touch: Touch, cloud: cKDTree, centre: Float[np.ndarray, "3"], margin: float) -> "Situation":
@@ -66,14 +68,14 @@ class Situation:
         surfaces = []
         for finger in fingers:
             rows = touch.finger == finger
-            if rows.sum() < FEWEST:
-                continue
             if len(fingers) > 1 and oriented:
                 of_finger = axes.T @ _unit(touch.poses[finger])
             elif len(fingers) > 1:
                 of_finger = _principal(points[rows] - points[rows].mean(0))
             else:
                 of_finger = np.eye(3)
+            if not _make_surface(points[rows] @ of_finger):
+                continue
             view = None
             if oriented and touch.view is not None:
                 view = View(((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes, touch.view)
@@ -88,7 +90,7 @@ class Situation:
         if len(near) > AROUND:
             some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
         spacing = _spacing(near, some)
-        thinned = spacing * float(np.sqrt(len(near) / max(1, len(some))))
+        thinned = spacing * float(np.sqrt(len(near) / len(some))) if len(some) else spacing
         width = float(np.sqrt((points[:, :2] ** 2).sum(1).mean()))
         depth = _depths(cloud, middle, width / touch.unit, axes) * touch.unit
         return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned, _layers(depth, spacing))
@@ -97,10 +99,10 @@ class Situation:
 def _within(
     cloud: cKDTree, centres: Float[np.ndarray, "k 3"], radius: float, axes: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the points of the cloud in any of several balls, along axes at the first centre."""
+    """Return the points of the cloud in any of several balls, each once, along axes at the first centre."""
     balls = cloud.query_ball_point(centres, radius * (1 + 1e-9))
     rows = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in balls]))
-    found: Float[np.ndarray, "n 3"] = (cloud.data[rows] - centres[0]) @ axes
+    found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centres[0]) @ axes
     return found
 
 
@@ -133,11 +135,19 @@ def _unit(pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
 
 def _principal(centred: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "3 3"]:
     """Return the principal axes of points, the shortest last. Their signs follow the points, not the frame."""
-    axes = np.linalg.svd(centred, full_matrices=False)[2].T
+    axes = np.linalg.eigh(centred.T @ centred)[1][:, ::-1].copy()
     signs = np.sign(((centred @ axes) ** 3).sum(0))
     axes = axes * np.where(signs == 0, 1, signs)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     return axes
+
+
+def _make_surface(points: Float[np.ndarray, "m 3"]) -> bool:
+    """Return whether points make a surface over the plane of their first two axes: some that don't lie on a line."""
+    if len(points) < FEWEST:
+        return False
+    short, long = np.linalg.eigvalsh(np.cov(points[:, :2].T))
+    return bool(short > LINE**2 * long)
 
 
 def _spacing(points: Float[np.ndarray, "n 3"], some: Float[np.ndarray, "k 3"]) -> float:
