@@ -74,9 +74,12 @@ def judge(
             none,
             support,
         )
-    agreement = min(1.0, terms.inside.sum() / (FULL * likelihood.expected))
+    wanted = FULL * likelihood.expected
+    agreement = min(1.0, terms.inside.sum() / wanted) if wanted else 1.0
     allowed = _allowed(one, after, here, TRUSTED * agreement * one.spacing)
     kept = errors <= allowed
+    if not kept.any() and one.surfaces and not support:
+        return Judgement("refused", "no point of the cloud lies on it, though the cloud is seen there", kept, support)
     if not kept.any():
         reason = (
             f"its expected error, {np.median(errors):.2g} mm, exceeds that of the cloud, {np.median(allowed):.2g} mm"
@@ -85,7 +88,9 @@ def judge(
     if not kept.all():
         reason = f"at {(~kept).sum()} points the expected error exceeds that of the cloud, {np.median(allowed):.2g} mm"
         return Judgement("partly", reason, kept, support)
-    if support:
+    if not one.surfaces:
+        reason = "its points make no surface, so that it cannot be checked"
+    elif support:
         reason = f"{support} points of the cloud lie on it"
     else:
         reason = "no point of the cloud lies on it, so that it cannot be checked"
@@ -100,7 +105,8 @@ def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], s
     another surface, such as the far side.
     """
     back = moved_back(one.near, after.motion[None])
-    distance = np.max([surface.find(back).distance[0] for surface in one.surfaces], axis=0)
+    distances = [surface.find(back)[0][0] for surface in one.surfaces]
+    distance = np.max(distances, axis=0) if distances else np.zeros(len(one.near))
     across = BEHIND * np.sqrt(after.covariance[5, 5] + after.deviation**2)
     near = one.near if one.layers > 1 else one.near[distance > -across]
     if len(near) == 0:

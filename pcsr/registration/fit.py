@@ -22,6 +22,9 @@ TEMPER = 0.5
 BASIN = 30.0
 """Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
 
+ROUNDING = 1e-10
+"""Variances are known up to this share of those of the prior."""
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -33,7 +36,8 @@ class Prior:
     def log(self, motions: Motions) -> Float[np.ndarray, " s"]:
         """Return the logarithm of the density of motions."""
         away = np.linalg.solve(np.linalg.cholesky(self.covariance), (motions - self.mean).T)
-        return -0.5 * (away**2).sum(0) - 0.5 * float(np.linalg.slogdet(self.covariance)[1])
+        log: Float[np.ndarray, " s"] = -0.5 * (away**2).sum(0) - 0.5 * np.linalg.slogdet(self.covariance)[1]
+        return log
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,8 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     """
     rng = np.random.default_rng(0)
     root = np.linalg.cholesky(prior.covariance)
+    if len(likelihood.points) == 0:
+        return _unchanged(prior, rng.normal(size=(PARTICLES, 6)) @ root.T, floor if deviation is None else deviation)
     precision = np.linalg.inv(prior.covariance)
     drawn = rng.normal(size=(PARTICLES, 6))
     drawn[0] = 0
@@ -111,12 +117,22 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     mean = weights[same] @ particles[same] / weights[same].sum()
     motion, mode = modes(likelihood, mean[None], precision, floor, level, level, LAST)
     spread = inverse - inverse @ precision @ inverse
-    jitter = np.linalg.cholesky(spread + 1e-12 * np.eye(6)) @ rng.normal(size=(2 * PARTICLES, 6, 1))
+    jitter = np.linalg.cholesky(spread + ROUNDING * np.diag(np.diag(prior.covariance))) @ rng.normal(
+        size=(2 * PARTICLES, 6, 1)
+    )
     return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
 
 
+def _unchanged(prior: Prior, drawn: Motions, deviation: float) -> Posterior:
+    """Return the prior as the distribution of a touch's motion, if there is no cloud around it."""
+    particles = prior.mean + np.concatenate([drawn, -drawn])
+    weights = np.full(len(particles), 1 / len(particles))
+    nothing = Mode(np.zeros((6, 6)), np.zeros(6), 0.0)
+    return Posterior(prior.mean, nothing, deviation, 0.0, particles, weights)
+
+
 def _log_around(starts: Motions, centres: Motions, root: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, " s"]:
-    """Return the logarithm of the density of a mixture of normal distributions, all with the same root of covariance."""
+    """Return the logarithm of the density of a mixture of normal distributions with the same root of covariance."""
     squared = cdist(np.linalg.solve(root, starts.T).T, np.linalg.solve(root, centres.T).T, "sqeuclidean")
     log: Float[np.ndarray, " s"] = (
         logsumexp(-0.5 * squared, axis=1) - np.log(len(centres)) - np.log(np.diag(root)).sum()
@@ -146,10 +162,9 @@ def modes(
     """
     motions, _, _ = _fitted(likelihood, starts, precision, floor, deviation, widest, steps)
     terms = likelihood.terms(motions, np.full(len(motions), deviation))
-    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
-    vectors = (information @ motions[..., None])[..., 0] + (motions - starts) @ precision
+    vectors = (terms.information @ motions[..., None])[..., 0] + (motions - starts) @ precision
     logs = likelihood.log(terms).tolist()
-    return motions, [Mode(*one) for one in zip(information, vectors, logs, strict=True)]
+    return motions, [Mode(*one) for one in zip(terms.information, vectors, logs, strict=True)]
 
 
 def _logs(
@@ -160,12 +175,11 @@ def _logs(
     Of the prior only the constrained directions count: along the others the particles are drawn from it.
     """
     terms = likelihood.terms(particles, np.full(len(particles), level))
-    information = (terms.jacobian * terms.precision[..., None]).transpose(0, 2, 1) @ terms.jacobian
-    inverse = np.linalg.inv(information + precision)
+    inverse = np.linalg.inv(terms.information + precision)
     constrained = precision - precision @ inverse @ precision
     away = particles - prior.mean
     logs = likelihood.log(terms) - 0.5 * np.einsum("si,sij,sj->s", away, constrained, away)
-    return logs + 0.5 * np.linalg.slogdet(inverse)[1], information, inverse
+    return logs + 0.5 * np.linalg.slogdet(inverse)[1], terms.information, inverse
 
 
 def _fitted(
@@ -188,10 +202,11 @@ def _fitted(
     motions, count = start, np.zeros(len(start))
     for step in range(1, coarse + fine + 1):
         terms = likelihood.terms(motions, level)
-        motions = motions + _step(terms.jacobian, terms.distance, terms.precision, precision, motions - start)
+        gradient = terms.gradient + (motions - start) @ precision
+        motions = motions - np.linalg.solve(terms.information + precision, gradient[..., None])[..., 0]
         count = np.maximum(terms.inside.sum(1) - 3, 0)
         if deviation is None:
-            level = np.sqrt((terms.inside * terms.distance**2).sum(1) / np.maximum(count, 1))
+            level = np.sqrt((terms.inside * terms.squared).sum(1) / np.maximum(count, 1))
         else:
             level = np.full(len(start), deviation)
         level = np.maximum(level, floor)
@@ -201,18 +216,3 @@ def _fitted(
         return motions, deviation, float(count.max())
     best = int(likelihood.log(likelihood.terms(motions, level)).argmax())
     return motions, float(level[best]), float(count[best])
-
-
-def _step(
-    jacobian: Float[np.ndarray, "s n 6"],
-    distance: Float[np.ndarray, "s n"],
-    weights: Float[np.ndarray, "s n"],
-    precision: Float[np.ndarray, "6 6"],
-    away: Motions,
-) -> Motions:
-    """Return one step of Gauss and Newton for each motion."""
-    weighted = jacobian * weights[..., None]
-    hessian = weighted.transpose(0, 2, 1) @ jacobian + precision
-    gradient = (weighted * distance[..., None]).sum(1) + away @ precision
-    step: Motions = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
-    return step

@@ -6,18 +6,16 @@ finger filled is empty. The number of points on the touched surface counts too: 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
-from scipy.special import gammaln
+from scipy.special import gammaln, xlogy
 
-from pcsr.registration.motions import Motions, moved_back
+from pcsr.registration.motions import Motions, carried
 from pcsr.registration.surface import TouchedSurface
 
-SLOPE = 0.5
-"""Growth of the surface's deviation beyond the contact, where it is extrapolated, per unit of length."""
 IN_FINGER = 0.01
 """Background where the finger was, relative to that elsewhere."""
 FINGER = 10.0
@@ -32,16 +30,39 @@ class Terms:
 
     share: Float[np.ndarray, "s n"]
     """Probability that the point lies on the touched surface."""
-    against: Float[np.ndarray, "s n"]
-    """Logarithm of the point's density where the finger was, relative to the background elsewhere; at most 0."""
+    density: Float[np.ndarray, "s n"]
+    """Density of the point where the finger was, relative to the background elsewhere; at most 1."""
     inside: Float[np.ndarray, "s n"]
     """`share` of the points in front of or behind the contact; 0 beside it."""
-    precision: Float[np.ndarray, "s n"]
-    """`share`, divided by the point's variance across the surface."""
-    distance: Float[np.ndarray, "s n"]
-    """Signed distance from the touched surface, in millimetres, positive towards the finger."""
-    jacobian: Float[np.ndarray, "s n 6"]
-    """Derivative of the distance with respect to the motion."""
+    squared: Float[np.ndarray, "s n"]
+    """Squared distance from the touched surface, in square millimetres."""
+    information: Float[np.ndarray, "s 6 6"]
+    """Information about the motion: of each point the outer product of the distance's derivative, times its `share`,
+    divided by the variance across the surface."""
+    gradient: Float[np.ndarray, "s 6"]
+    """The same with the product of the derivative and the distance."""
+
+    @property
+    def against(self) -> Float[np.ndarray, "s n"]:
+        """Logarithm of `density`."""
+        against: Float[np.ndarray, "s n"] = np.log(self.density)
+        return against
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Terms of one finger's surface, with the moments still to be summed over the points."""
+
+    share: Float[np.ndarray, "s n"]
+    density: Float[np.ndarray, "s n"]
+    inside: Float[np.ndarray, "s n"]
+    squared: Float[np.ndarray, "s n"]
+    weights: Float[np.ndarray, "s n"]
+    """Weight of each point in the moments."""
+    rows: Float[np.ndarray, "s 7 n"]
+    """Derivative of the height above the tangent plane with respect to the motion, and the height."""
+    frames: Float[np.ndarray, "s 6 6"]
+    """Matrices that express motions in the frame of the surface, with the sign of the derivative."""
 
 
 @dataclass(frozen=True)
@@ -62,45 +83,66 @@ class Likelihood:
             motions: (s 6), in the frame of the touch.
             deviation: standard deviation of the cloud's points from the surface, for each motion.
         """
-        back = moved_back(self.points, motions)
         rotations = Rotation.from_rotvec(motions[:, :3]).as_matrix()
-        lever = self.points - motions[:, None, 3:]
-        total: Terms | None = None
-        for surface in self.surfaces:
-            terms = self._of(surface, back, rotations, lever, deviation)
-            total = terms if total is None else _joined(total, terms)
-        assert total is not None
-        return total
+        parts = [self._part(surface, motions[:, 3:], rotations, deviation) for surface in self.surfaces]
+        if len(parts) > 1:
+            parts = _divided(parts)
+        information = np.zeros((len(motions), 6, 6))
+        gradient = np.zeros((len(motions), 6))
+        if not parts:
+            none = np.zeros((len(motions), len(self.points)))
+            return Terms(none, none + 1, none, none, information, gradient)
+        for part in parts:
+            moments = (part.rows * part.weights[:, None]) @ part.rows.transpose(0, 2, 1)
+            back = part.frames.transpose(0, 2, 1)
+            information += back @ moments[:, :6, :6] @ part.frames
+            gradient += (back @ moments[:, :6, 6:])[..., 0]
+        first = parts[0]
+        share, density, inside, squared = first.share, first.density, first.inside, first.squared
+        for part in parts[1:]:
+            share, inside = share + part.share, inside + part.inside
+            density, squared = density * part.density, squared + part.squared
+        return Terms(share, density, inside, squared, information, gradient)
 
-    def _of(
+    def _part(
         self,
         surface: TouchedSurface,
-        back: Float[np.ndarray, "s n 3"],
+        translations: Float[np.ndarray, "s 3"],
         rotations: Float[np.ndarray, "s 3 3"],
-        lever: Float[np.ndarray, "s n 3"],
         deviation: Float[np.ndarray, " s"],
-    ) -> Terms:
-        found = surface.find(back)
-        near = np.isfinite(found.outside)
-        outside = np.where(near, found.outside, 0.0)
-        inside = near & (outside == 0)
-        variance = deviation[:, None] ** 2 + (SLOPE * outside) ** 2
-        on = self.spacing / np.sqrt(2 * np.pi * variance) * np.exp(-0.5 * found.distance**2 / variance)
-        # Beside the contact, but in the sensor's view, the surface is not where the contact would continue.
-        on *= near & (inside | (found.above == -np.inf))
-        in_finger = (found.above > np.where(inside, 0.0, deviation[:, None])) & (found.above < FINGER)
-        background = np.where(in_finger, IN_FINGER, 1.0)
-        share = on / (on + background)
-        normal = np.concatenate([-found.slopes, np.ones((*share.shape, 1))], axis=-1)
-        normal /= np.sqrt(1 + (found.slopes**2).sum(-1))[..., None]
-        normal = normal @ (rotations @ surface.axes).transpose(0, 2, 1)
-        jacobian = np.empty((*share.shape, 6))
-        jacobian[..., 0] = lever[..., 2] * normal[..., 1] - lever[..., 1] * normal[..., 2]
-        jacobian[..., 1] = lever[..., 0] * normal[..., 2] - lever[..., 2] * normal[..., 0]
-        jacobian[..., 2] = lever[..., 1] * normal[..., 0] - lever[..., 0] * normal[..., 1]
-        jacobian[..., 3:] = -normal
-        against = np.minimum(0.0, np.log(on + background))
-        return Terms(share, against, share * inside, share / variance, found.distance, jacobian)
+    ) -> _Part:
+        """Evaluate motions by the surface of one finger, in its frame."""
+        turned = (rotations @ surface.axes).transpose(0, 2, 1)
+        local = turned @ self.points.T
+        local -= turned @ translations[..., None] + (surface.origin @ surface.axes)[:, None]
+        x, y, z = local[:, 0], local[:, 1], local[:, 2]
+        planes = surface.planes(x, y, z)
+        level = deviation[:, None]
+        variance = planes.widening + level**2
+        squared = planes.height**2 * planes.flatness
+        on = self.spacing / np.sqrt(2 * np.pi * variance) * np.exp(-0.5 * squared / variance)
+        contact = planes.level == -np.inf
+        density = on.copy()
+        if surface.oriented:
+            above = np.where(contact, planes.height * np.sqrt(planes.flatness), z - planes.level)
+            in_finger = (above > np.where(contact, 0.0, level)) & (above < FINGER)
+            density += np.where(in_finger, IN_FINGER, 1.0)
+        else:
+            density += 1.0
+        share = on / density
+        rows = np.zeros((len(x), 7, x.shape[1]))
+        rows[:, 0] = y + z * planes.slope_y
+        rows[:, 1] = -x - z * planes.slope_x
+        rows[:, 2] = y * planes.slope_x - x * planes.slope_y
+        rows[:, 3] = -planes.slope_x
+        rows[:, 4] = -planes.slope_y
+        rows[:, 5] = 1.0
+        rows[:, 6] = planes.height
+        frames = np.zeros((len(x), 6, 6))
+        frames[:, :3, :3] = frames[:, 3:, 3:] = rotations.transpose(0, 2, 1)
+        frames = -carried(surface.axes, surface.origin) @ frames
+        weights = share / variance * planes.flatness
+        return _Part(share, np.minimum(density, 1.0), share * contact, squared, weights, rows, frames)
 
     @property
     def expected(self) -> float:
@@ -114,24 +156,24 @@ class Likelihood:
         density of the cloud leads to expect.
         """
         found = np.minimum(terms.inside.sum(1), self.expected)
-        few = found * np.log(self.expected) - gammaln(found + 1)
+        few = xlogy(found, self.expected) - gammaln(found + 1)
         logarithm: Float[np.ndarray, " s"] = terms.against.sum(1) + few
         return logarithm
 
 
-def _joined(one: Terms, other: Terms) -> Terms:
-    """Join the terms of two fingers: each point belongs to the surface on which it lies more likely."""
-    first = one.share >= other.share
-
-    def chosen(name: str) -> Float[np.ndarray, "s n"]:
-        mine, others = getattr(one, name), getattr(other, name)
-        return np.where(first if mine.ndim == 2 else first[..., None], mine, others)
-
-    return Terms(
-        chosen("share"),
-        one.against + other.against,
-        chosen("inside"),
-        chosen("precision"),
-        chosen("distance"),
-        chosen("jacobian"),
-    )
+def _divided(parts: Sequence[_Part]) -> list[_Part]:
+    """Divide the points among the fingers: each belongs to the surface on which it lies most likely."""
+    owner = np.argmax([part.share for part in parts], axis=0)
+    divided = []
+    for number, part in enumerate(parts):
+        mine = owner == number
+        divided.append(
+            replace(
+                part,
+                share=part.share * mine,
+                inside=part.inside * mine,
+                squared=part.squared * mine,
+                weights=part.weights * mine,
+            )
+        )
+    return divided

@@ -21,7 +21,8 @@ def moved_back(points: Float[np.ndarray, "n 3"], motions: Motions) -> Float[np.n
 
 def moved(points: Float[np.ndarray, "n 3"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
     """Apply a motion to points."""
-    return points @ Rotation.from_rotvec(motion[:3]).as_matrix().T + motion[3:]
+    there: Float[np.ndarray, "n 3"] = points @ Rotation.from_rotvec(motion[:3]).as_matrix().T + motion[3:]
+    return there
 
 
 def matrix(motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:

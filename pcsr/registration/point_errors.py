@@ -32,15 +32,14 @@ def point_errors(likelihood: Likelihood, after: Posterior, points: Float[np.ndar
     here = moved(points, after.motion)
     likely = after.weights > 1e-3 * after.weights.max()
     back = moved_back(here, after.particles[likely])
-    least = np.full(back.shape[:2], np.inf)
+    least = np.linalg.norm(back - points, axis=2)
     for surface in likelihood.surfaces:
-        found = surface.find(back)
-        least = np.minimum(least, np.hypot(found.distance, found.outside))
+        least = np.minimum(least, np.hypot(*surface.find(back)))
     terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
     on: Bool[np.ndarray, " n"] = terms.share[0] > 0.5
     if on.any():
         least = np.minimum(least, cKDTree(likelihood.points[on]).query(here)[0])
-    noise = max(surface.noise for surface in likelihood.surfaces)
+    noise = max((surface.noise for surface in likelihood.surfaces), default=0.0)
     weights = after.weights[likely] / after.weights[likely].sum()
     errors: Float[np.ndarray, " m"] = np.sqrt(weights @ least**2 + noise**2)
     return errors

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
@@ -67,7 +68,8 @@ def register(
     centre = cloud.mean(0)
     margin = REACH * error.position + BESIDE
     stated = isotropic(max(error.position, LEAST_POSITION), np.radians(max(error.rotation, LEAST_ROTATION)))
-    around = [Situation.of(touch, cloud, centre, margin) for touch in touches]
+    tree = cKDTree(cloud)
+    around = [Situation.of(touch, tree, centre, margin) for touch in touches]
     likelihoods = [_likelihood(one, margin) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]
     first = [fit(one, Prior(np.zeros(6), stated), floor) for one, floor in zip(likelihoods, floors, strict=True)]
@@ -109,11 +111,11 @@ def _unmoved(touches: Sequence[Touch]) -> Registration:
 
 def _likelihood(one: Situation, margin: float) -> Likelihood:
     """Return the likelihood of a touch's motion, without points too deep behind the contact to count for any."""
-    found = [surface.find(one.near) for surface in one.surfaces]
     near = np.zeros(len(one.near), bool)
-    for each in found:
-        near |= (each.distance > -margin) & np.isfinite(each.outside)
-    return Likelihood(one.surfaces, one.near[near], one.spacing)
+    for surface in one.surfaces:
+        distance, outside = surface.find(one.near)
+        near |= (distance > -margin) & np.isfinite(outside)
+    return Likelihood(one.surfaces, one.near[near], one.near_spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:

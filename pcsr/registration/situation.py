@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pcsr.clouds.touch import Touch
@@ -15,6 +15,10 @@ NEAREST = 4
 """Number of neighbours by which the spacing of the cloud is measured."""
 FEWEST = 4
 """Smallest number of points that make a surface or a layer."""
+MOST_BALLS = 64
+"""Largest number of balls that cover the cylinder behind a contact."""
+LINE = 0.01
+"""Points lie on a line if their extent across it is smaller, as a share of that along it."""
 GAP = 1.5
 """Smallest distance between two layers, in spacings of the cloud."""
 
@@ -30,11 +34,13 @@ class Situation:
     axes: Float[np.ndarray, "3 3"]
     """Axes of the touch as columns, in the frame of the object."""
     surfaces: tuple[TouchedSurface, ...]
-    """Surface of each finger."""
+    """Surface of each finger; without those whose points make none, such as points on a line."""
     near: Float[np.ndarray, "n 3"]
     """Points of the cloud around the touch, in its frame."""
     spacing: float
     """Spacing of the cloud there; of the touch if there is no cloud."""
+    near_spacing: float
+    """Spacing of `near`: larger, if these are only a part of the points there."""
     layers: int
     """Number of layers of the cloud behind the contact: two, if the touch is in front of a surface that is seen from
     both sides; at most one, if it is on a side that the cloud does not show."""
@@ -42,17 +48,15 @@ class Situation:
     @property
     def noise(self) -> float:
         """Noise of the touched points."""
-        return max(surface.noise for surface in self.surfaces)
+        return max((surface.noise for surface in self.surfaces), default=0.0)
 
     @classmethod
-    def of(
-        cls, touch: Touch, cloud: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"], margin: float
-    ) -> "Situation":
+    def of(cls, touch: Touch, cloud: cKDTree, centre: Float[np.ndarray, "3"], margin: float) -> "Situation":
         """Bring a touch and the cloud around it into the frame of the touch.
 
         Args:
             touch: the touch.
-            cloud: in the frame and unit of the touch.
+            cloud: points in the frame and unit of the touch.
             centre: centroid of the cloud.
             margin: distance from the touch up to which the cloud is looked at, in millimetres.
         """
@@ -64,33 +68,57 @@ class Situation:
         surfaces = []
         for finger in fingers:
             rows = touch.finger == finger
-            if rows.sum() < FEWEST:
-                continue
             if len(fingers) > 1 and oriented:
                 of_finger = axes.T @ _unit(touch.poses[finger])
             elif len(fingers) > 1:
                 of_finger = _principal(points[rows] - points[rows].mean(0))
             else:
                 of_finger = np.eye(3)
+            if not _make_surface(points[rows] @ of_finger):
+                continue
             view = None
             if oriented and touch.view is not None:
                 view = View(((touch.poses[finger][:3, 3] - centre) * touch.unit - origin) @ axes, touch.view)
             surfaces.append(TouchedSurface.of(points[rows], of_finger, margin, oriented=oriented, view=view))
         radius = float(np.linalg.norm(points, axis=1).max()) + margin
         middle = centre + origin / touch.unit
-        box = np.abs(cloud - middle).max(1) * touch.unit <= radius
-        near = ((cloud[box] - middle) * touch.unit) @ axes
+        near = _within(cloud, middle[None], radius / touch.unit, axes) * touch.unit
         away = np.linalg.norm(near, axis=1)
         order = np.argsort(away, kind="stable")
-        order = order[away[order] <= radius]
-        near = near[order]
-        spacing = _spacing(near)
+        near = near[order[away[order] <= radius]]
+        some = near
         if len(near) > AROUND:
-            near = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
-        behind = (cloud - middle) @ axes * touch.unit
+            some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
+        spacing = _spacing(near, some)
+        thinned = spacing * float(np.sqrt(len(near) / len(some))) if len(some) else spacing
         width = float(np.sqrt((points[:, :2] ** 2).sum(1).mean()))
-        depth = -behind[np.linalg.norm(behind[:, :2], axis=1) <= width, 2]
-        return cls(points, origin, axes, tuple(surfaces), near, spacing, _layers(depth[depth > 0], spacing))
+        depth = _depths(cloud, middle, width / touch.unit, axes) * touch.unit
+        return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned, _layers(depth, spacing))
+
+
+def _within(
+    cloud: cKDTree, centres: Float[np.ndarray, "k 3"], radius: float, axes: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return the points of the cloud in any of several balls, each once, along axes at the first centre."""
+    balls = cloud.query_ball_point(centres, radius * (1 + 1e-9))
+    rows = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in balls]))
+    found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centres[0]) @ axes
+    return found
+
+
+def _depths(
+    cloud: cKDTree, middle: Float[np.ndarray, "3"], width: float, axes: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, " n"]:
+    """Return the depths of the points in a cylinder of radius `width` behind a contact, in the unit of the cloud.
+
+    The cylinder is covered with balls along its axis, so that the rest of a large cloud isn't looked at.
+    """
+    length = float(np.maximum(np.abs(cloud.maxes - middle), np.abs(cloud.mins - middle)) @ np.abs(axes[:, 2]))
+    step = max(width, length / MOST_BALLS)
+    centres = middle - (np.arange(length // step + 1) + 0.5)[:, None] * step * axes[:, 2]
+    behind = _within(cloud, np.concatenate([middle[None], centres]), float(np.hypot(width, step / 2)), axes)
+    depth: Float[np.ndarray, " n"] = -behind[np.linalg.norm(behind[:, :2], axis=1) <= width, 2]
+    return depth[depth > 0]
 
 
 def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.ndarray, "3 3"], bool]:
@@ -101,23 +129,33 @@ def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.nda
 
 
 def _unit(pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3 3"]:
-    return pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+    axes: Float[np.ndarray, "3 3"] = pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+    return axes
 
 
 def _principal(centred: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "3 3"]:
     """Return the principal axes of points, the shortest last. Their signs follow the points, not the frame."""
-    axes = np.linalg.svd(centred, full_matrices=False)[2].T
+    axes = np.linalg.eigh(centred.T @ centred)[1][:, ::-1].copy()
     signs = np.sign(((centred @ axes) ** 3).sum(0))
     axes = axes * np.where(signs == 0, 1, signs)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     return axes
 
 
-def _spacing(points: Float[np.ndarray, "n 3"]) -> float:
+def _make_surface(points: Float[np.ndarray, "m 3"]) -> bool:
+    """Return whether points make a surface over the plane of their first two axes: some that don't lie on a line."""
+    if len(points) < FEWEST:
+        return False
+    short, long = np.linalg.eigvalsh(np.cov(points[:, :2].T))
+    return bool(short > LINE**2 * long)
+
+
+def _spacing(points: Float[np.ndarray, "n 3"], some: Float[np.ndarray, "k 3"]) -> float:
+    """Return the mean distance of some of the points to their nearest."""
     if len(points) < 2:
         return 1.0
     k = min(NEAREST, len(points) - 1)
-    return float(np.median(cKDTree(points).query(points, k=range(2, k + 2))[0].mean(1)))
+    return float(np.median(cKDTree(points).query(some, k=range(2, k + 2))[0].mean(1)))
 
 
 def _layers(depth: Float[np.ndarray, " k"], spacing: float) -> int:

@@ -14,6 +14,8 @@ MOST_POINTS = 2048
 """Largest number of touched points that the surface is fitted to; of more a random part is taken."""
 MOST_CELLS = 160
 """Largest number of cells of the grid along one side."""
+SLOPE = 0.5
+"""Growth of the surface's deviation beyond the contact, where it is extrapolated, per unit of length."""
 LOWEST = 0.02
 """Share of the touched points below the height that counts as that of the contact's border."""
 BORDER = 0.5
@@ -31,17 +33,19 @@ class View:
 
 
 @dataclass(frozen=True)
-class Found:
-    """Where points lie relative to a touched surface."""
+class Planes:
+    """Tangent planes at points, and where those points lie relative to them."""
 
-    distance: Float[np.ndarray, "*k"]
-    """Signed distance from the nearest tangent plane, positive towards the finger."""
-    slopes: Float[np.ndarray, "*k 2"]
-    """Slopes of that plane along the surface's first two axes."""
-    outside: Float[np.ndarray, "*k"]
-    """Distance from the contact in the plane of the gel; 0 inside, infinite beyond the margin."""
-    above: Float[np.ndarray, "*k"]
-    """Depth of the point in the finger; negative outside of it."""
+    height: Float[np.ndarray, "*k"]
+    """Height of the point above the plane, along the last axis."""
+    slope_x: Float[np.ndarray, "*k"]
+    slope_y: Float[np.ndarray, "*k"]
+    flatness: Float[np.ndarray, "*k"]
+    """Squared cosine of the plane's slope: 1 / (1 + slope_x² + slope_y²)."""
+    widening: Float[np.ndarray, "*k"]
+    """Variance of the plane beyond the contact, where it is extrapolated: 0 inside, infinite where there is none."""
+    level: Float[np.ndarray, "*k"]
+    """Coordinate above which there was the finger; minus infinity inside the contact, where the plane itself is it."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +68,10 @@ class TouchedSurface:
     """Side of a cell."""
     shape: tuple[int, int]
     """Number of cells along both axes."""
-    table: Float[np.ndarray, "cells 5"]
-    """For each cell the plane z = a + b x + c y as a, b and c; the distance from the contact; and the height above
-    which there was the finger: minus infinity inside the contact, where it is that of the plane."""
+    table: Float[np.ndarray, "cells 6"]
+    """For each cell the plane z = a + b x + c y as a, b and c; then `Planes.flatness`, `widening` and `level`."""
+    outside: Float[np.ndarray, " cells"]
+    """Distance of each cell from the contact in the plane of the gel; 0 inside, infinite beyond the margin."""
 
     @classmethod
     def of(
@@ -102,7 +107,9 @@ class TouchedSurface:
         centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
         away, nearest = tree.query(centres)
         outside = np.maximum(0.0, away - INSIDE * spacing)
+        outside[[0, -1]] = outside[:, [0, -1]] = np.inf
         inside = outside == 0
+        widening = (SLOPE * outside) ** 2
         level = np.where(inside, -np.inf, np.inf)
         if view is not None:
             face = (view.centre - origin) @ axes
@@ -110,30 +117,51 @@ class TouchedSurface:
             seen = (np.abs(centres - face[:2]) < half).all(-1)
             heights = local[:, 2] - face[2]
             level[seen & ~inside] = face[2] + min(np.quantile(heights, LOWEST), BORDER * heights.max())
-        outside[[0, -1]] = outside[:, [0, -1]] = np.inf
+            # The sensor saw that the surface is not where the contact would continue.
+            widening[seen & ~inside] = np.inf
         plane = planes[nearest]
         constant = plane[..., 0] - (plane[..., 1:] * local[nearest, :2]).sum(-1)
-        table = np.stack([constant, plane[..., 1], plane[..., 2], outside, level], axis=-1).reshape(-1, 5)
+        flatness = 1 / (1 + (plane[..., 1:] ** 2).sum(-1))
+        table = np.stack([constant, plane[..., 1], plane[..., 2], flatness, widening, level], axis=-1)
         area = float(inside.sum()) * cell**2
-        return cls(origin, axes, oriented, noise, area, corner, cell, (int(shape[0]), int(shape[1])), table)
+        size = int(shape[0]), int(shape[1])
+        return cls(
+            origin, axes, oriented, noise, area, corner, cell, size, table.reshape(-1, table.shape[-1]), outside.ravel()
+        )
 
-    def find(self, points: Float[np.ndarray, "*k 3"]) -> Found:
+    def find(self, points: Float[np.ndarray, "*k 3"]) -> tuple[Float[np.ndarray, "*k"], Float[np.ndarray, "*k"]]:
         """Compute where points lie relative to the touched surface.
 
         Args:
             points: in the frame of the touch.
+
+        Returns:
+            The signed distance from the nearest tangent plane, positive towards the finger; and the distance from the
+            contact in the plane of the gel: 0 inside, infinite beyond the margin.
         """
-        local = (points - self.origin) @ self.axes
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
+        x, y, z = np.moveaxis((points - self.origin) @ self.axes, -1, 0)
+        planes = self.planes(x, y, z)
+        return planes.height * np.sqrt(planes.flatness), self.outside[self._cells(x, y)]
+
+    def planes(self, x: Float[np.ndarray, "*k"], y: Float[np.ndarray, "*k"], z: Float[np.ndarray, "*k"]) -> Planes:
+        """Look up the nearest tangent plane of each point.
+
+        Args:
+            x: first coordinate along the axes of the surface, from its origin.
+            y: second coordinate.
+            z: third coordinate.
+        """
+        constant, slope_x, slope_y, flatness, widening, level = np.moveaxis(
+            self.table.take(self._cells(x, y), axis=0), -1, 0
+        )
+        return Planes(z - constant - slope_x * x - slope_y * y, slope_x, slope_y, flatness, widening, level)
+
+    def _cells(self, x: Float[np.ndarray, "*k"], y: Float[np.ndarray, "*k"]) -> Int[np.ndarray, "*k"]:
+        """Return the number of the cell of each point, of the nearest cell for points beyond the grid."""
         row = np.clip((x - self.corner[0]) / self.cell, 0, self.shape[0] - 1).astype(np.int64)
         column = np.clip((y - self.corner[1]) / self.cell, 0, self.shape[1] - 1).astype(np.int64)
-        entry = self.table[row * self.shape[1] + column]
-        slopes, outside, level = entry[..., 1:3], entry[..., 3], entry[..., 4]
-        height = z - entry[..., 0] - slopes[..., 0] * x - slopes[..., 1] * y
-        distance = height / np.sqrt(1 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
-        if not self.oriented:
-            return Found(distance, slopes, outside, np.full(distance.shape, -np.inf))
-        return Found(distance, slopes, outside, np.where(outside == 0, distance, z - level))
+        cells: Int[np.ndarray, "*k"] = row * self.shape[1] + column
+        return cells
 
 
 def _planes(
