@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 import pcsr
 from pcsr.files import write_bytes
+from pcsr.metrics.p2f import point_to_surface
 from pcsr.report.colours import INK, INPUT, SOFT, TOUCH, TRUTH
 from pcsr.report.figures.canvas import encoded, new_figure
 
@@ -39,22 +40,29 @@ def draw(mesh: trimesh.Trimesh, cloud: Points, folder: Path, number: int, path: 
     kept = found.touch.points
     middle = kept.mean(0)
     pose = found.touch.poses[0]
-    axes = pose[:3, :3] / np.linalg.norm(pose[:3, 0])
+    axes = _steepest(kept - middle, pose[:3, :3] / np.linalg.norm(pose[:3, 0]))
     outline = _outline(mesh, middle, axes, touch.unit)
     width = np.abs(((kept - middle) @ axes * touch.unit)[:, 0]).max() + AROUND
-    figure = new_figure(9.0, 3.6, layout="constrained")
+    figure = new_figure(9.0, 3.4, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes_of, title, points in zip(panels, ("as reported", "registered"), (touch.points, kept), strict=True):
-        lines = axes_of.plot(*outline, color=TRUTH, linewidth=1.6, label="true surface", zorder=1)
+        lines = axes_of.plot(*outline, color=TRUTH, linewidth=1.6, zorder=1)
         across = _slab((cloud - middle) @ axes * touch.unit, CLOUD_SLAB)
-        seen = axes_of.scatter(*across, s=34, color=INPUT, label="cloud", zorder=3)
+        seen = axes_of.scatter(*across, s=34, color=INPUT, zorder=3)
         across = _slab((points - middle) @ axes * touch.unit, TOUCH_SLAB)
-        touched = axes_of.scatter(*across, s=7, color=TOUCH, label="touched points", zorder=2)
-        _style(axes_of, title, width)
+        touched = axes_of.scatter(*across, s=7, color=TOUCH, zorder=2)
+        off = point_to_surface(points, np.asarray(mesh.vertices), np.asarray(mesh.faces)).mean() * touch.unit
+        _style(axes_of, f"{title}: {off:.2f} mm off the surface on average", width)
     panels[0].set_ylabel("along the sensor's axis, mm", color=INK)
-    handles = [lines[0], seen, touched]
-    figure.legend(handles, [str(one.get_label()) for one in handles], loc="outside lower center", ncols=3, frameon=False)
+    names = ("true surface", "cloud", "touched points")
+    figure.legend([lines[0], seen, touched], names, loc="outside lower center", ncols=3, frameon=False)
     write_bytes(path, encoded(figure, "png"))
+
+
+def _steepest(centred: Points, axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the axes of a section, the second across it: it is along that axis of the sensor that climbs more."""
+    turned = axes[:, [1, 0, 2]] * [-1, 1, 1]
+    return max(axes, turned, key=lambda one: float(np.ptp(_slab(centred @ one, np.ptp(centred @ one) / 20)[1])))
 
 
 def _slab(local: Points, half: float) -> tuple[np.ndarray, np.ndarray]:
@@ -77,8 +85,8 @@ def _style(axes: "Axes", title: str, width: float) -> None:
     axes.set_title(title, fontsize=11, loc="left", color=INK)
     axes.set_aspect("equal")
     axes.set_xlim(-width, width)
-    axes.set_ylim(-0.55 * width, 0.35 * width)
-    axes.set_xlabel("along the sensor's x axis, mm", color=INK)
+    axes.set_ylim(-0.65 * width, 0.25 * width)
+    axes.set_xlabel("along the sensor's face, mm", color=INK)
     axes.tick_params(colors=SOFT, labelsize=9)
     for side, spine in axes.spines.items():
         spine.set_color(SOFT)
