@@ -8,7 +8,7 @@ as a cloud and a recording. Then the commands are run as a person would run them
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -30,11 +30,12 @@ from pcsr_plugins.touch.digit.noise import Noise
 
 ERROR = pcsr.PoseError(position=1.0, rotation=2.0)
 SIZE, POINTS, RATE, TOUCHES = 30.0, 512, 16, 4
-CLOUD, TOUCHED, REPORT = "cloud.ply", "touches", "report.json"
+CLOUD, TOUCHED, UNVIEWED, REPORT = "cloud.ply", "touches", "touches-without-view", "report.json"
 WAYS = {
     "without touches": (),
     "`--touch touches/ --touch-as-is`": ("--touch", TOUCHED, "--touch-as-is"),
     "`--touch touches/`": ("--touch", TOUCHED, "--touch-report", REPORT),
+    "`--touch touches/`, without `view`": ("--touch", UNVIEWED),
 }
 """Options of the commands."""
 WORSE = 0.01
@@ -52,25 +53,27 @@ class Scene:
     truth: Float[np.ndarray, "g 3"]
 
     @classmethod
-    def write(cls, name: str, folder: Path, seed: int) -> "Scene":
+    def write(cls, part: str, folder: Path, seed: int) -> "Scene":
         """Write the cloud and the recording of a part.
 
         Raises:
             UserError: the part cannot be touched.
         """
-        item = CadParts().item(name)
+        item = CadParts().item(part)
         cloud = surface_points(item.mesh, POINTS, np.random.default_rng((seed, 0)))
         truth = surface_points(item.mesh, POINTS * RATE, np.random.default_rng((seed, 1)))
         noise = Noise(position_noise=ERROR.position, rotation_noise=ERROR.rotation)
         touches = Digit(object_size=SIZE, noise=noise).touches(item, cloud, TOUCHES, seed)
         folder.mkdir(parents=True, exist_ok=True)
         write_points(folder / CLOUD, cloud)
-        pcsr.recorded.write(folder / TOUCHED, touches, overwrite=True, pose_error=ERROR)
+        unviewed = [replace(touch, view=None) for touch in touches]
+        for name, some in ((TOUCHED, touches), (UNVIEWED, unviewed)):
+            pcsr.recorded.write(folder / name, some, overwrite=True, pose_error=ERROR)
         return cls(folder, item, truth)
 
     def upsampled(self, options: Sequence[str]) -> Float[np.ndarray, "n 3"]:
         """Return the result of `pcsr upsample`; the words in `options` that name files are files of the folder."""
-        files = [str(self.folder / word) if word in (TOUCHED, REPORT) else word for word in options]
+        files = [str(self.folder / word) if word in (TOUCHED, UNVIEWED, REPORT) else word for word in options]
         out = self.folder / "dense.ply"
         words = ["upsample", str(self.folder / CLOUD), "-o", str(out), "--rate", str(RATE), "--jobs", "1", *files]
         done = CliRunner().invoke(cli.pcsr, words)
@@ -83,7 +86,7 @@ class Scene:
         return 1e3 * pcsr.evaluate(self.upsampled(options), self.truth, metrics="cd")["cd"]
 
 
-def rows(errors: Float[np.ndarray, "parts 3"]) -> list[list[str]]:
+def rows(errors: Float[np.ndarray, "parts ways"]) -> list[list[str]]:
     """Return a row for each way, with its change against no touches; of two parts or more."""
     plain = errors[:, 0]
     made = [[next(iter(WAYS)), f"{plain.mean():.3f}", "", "", ""]]
