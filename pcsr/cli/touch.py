@@ -157,7 +157,9 @@ def touch(
         f", {covered_area_share(touches, item.mesh.area):.2%} of its surface" if len(areas) == len(touches) else ""
     )
     length = item.mesh.extents.max() * touches[0].unit
-    write(folder, touches, overwrite=overwrite)  # last, so that a command that fails leaves nothing behind
+    error = touch_source.pose_error(item.name)
+    # Last, so that a command that fails leaves nothing behind.
+    write(folder, touches, overwrite=overwrite, pose_error=error)
     click.echo(
         f"{folder}: {count} touches of {mesh.name} ({length:.4g} mm long) by {touches[0].sensor}, "
         f"{len(touches[0].points)} points each"

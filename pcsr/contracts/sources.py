@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.contracts.part import Part
 from pcsr.errors import UserError
@@ -132,3 +133,7 @@ class TouchSource(Part):
         By default this is empty: a simulation depends on its options and the seed alone.
         """
         return ""
+
+    def pose_error(self, name: str) -> PoseError | None:
+        """Return the error of the poses of an object's touches; None, the default, if it is unknown."""
+        return None

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from pcsr import ShapeItem
+from pcsr import PoseError, ShapeItem, Touch
 from pcsr.cli import pcsr
-from pcsr.recorded import read
+from pcsr.recorded import read, write
 from tests.plugins.touch.plain_options import digit
 
 OPTIONS = ("points", "finger", "poses", "unit", "sensor", "contact_area")
@@ -59,6 +59,30 @@ def test_it_says_what_was_felt(part, tmp_path):
     done = touch(part, "-o", tmp_path / "touches", "--count", 2)
     assert "2 touches of part.stl (60 mm long) by digit, 512 points each, contacts of " in done.output
     assert "% of its surface" in done.output
+
+
+@pytest.mark.parametrize(
+    ("noise", "stated"),
+    [
+        ([], PoseError(0.0, 0.0)),
+        (["position_noise=0.3", "shared_position_noise=0.4", "rotation_noise=1.0"], PoseError(0.5, 1.0)),
+        (["shared_rotation_noise=60"], PoseError(0.0, 45.0)),
+    ],
+)
+def test_the_recording_states_the_error_of_its_poses(part, tmp_path, noise, stated):
+    options = [word for term in noise for word in ("--set", f"noise.{term}")]
+    done = touch(part, "-o", tmp_path / "touches", "--count", 1, *options)
+    assert done.exit_code == 0, done.output
+    assert read(tmp_path / "touches").pose_error == stated
+
+
+def test_a_recording_of_recorded_touches_states_their_error(part, tmp_path):
+    points = trimesh.load(part).sample(40, seed=0)
+    for name, error in (("known", PoseError(0.3, 0.2)), ("unknown", None)):
+        write(tmp_path / name, [Touch.single(points, None, 1000.0, "digit")], pose_error=error)
+        command = ("--source", "recorded", "--set", f"folder={tmp_path / name}", "--count", 1)
+        assert touch(part, "-o", tmp_path / f"{name}-again", *command).exit_code == 0
+        assert read(tmp_path / f"{name}-again").pose_error == error
 
 
 def test_the_sparse_policy_looks_at_the_cloud(part, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import ShapeItem, Touch, TouchSource, UserError
+from pcsr import PoseError, ShapeItem, Touch, TouchSource, UserError
 from pcsr.recorded import MANIFEST, read
 
 
@@ -69,6 +69,14 @@ class Recorded(TouchSource):
                 content = hashlib.file_digest(file, "sha256").hexdigest()
             whole.update(f"{path.relative_to(folder).as_posix()} {content}\n".encode())
         return whole.hexdigest()
+
+    def pose_error(self, name: str) -> PoseError | None:
+        """Return the error that the recording states.
+
+        Raises:
+            UserError: there is no recording of the object, or it has mistakes.
+        """
+        return read(self._folder_of(name)).pose_error
 
     def _folder_of(self, name: str) -> Path:
         if (self.folder / MANIFEST).is_file():

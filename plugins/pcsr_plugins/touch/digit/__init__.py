@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import ShapeItem, Touch, TouchSource, UserError
+from pcsr import PoseError, ShapeItem, Touch, TouchSource, UserError
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch.digit.hand import Hand
 from pcsr_plugins.touch.digit.noise import Noise
@@ -132,6 +132,10 @@ class Digit(TouchSource):
             replace(touch, points=touch.points @ motion[:3, :3].T + motion[:3, 3], poses=motion @ touch.poses)
             for touch in found
         ]
+
+    def pose_error(self, name: str) -> PoseError:
+        """Return the deviations of the noise of the poses, which are the same for all objects."""
+        return self.hand.noise.expected_pose_error
 
     def _check_size(self, rays: MeshRays, name: str) -> None:
         width, height = self.sensor.width, self.sensor.height

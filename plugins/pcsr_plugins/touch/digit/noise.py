@@ -3,6 +3,7 @@
 Every random term has a random stream of its own. Setting one changes nothing about the others.
 """
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -11,7 +12,8 @@ from pydantic import Field
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from pcsr import Options
+from pcsr import Options, PoseError
+from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
 
 WAVES = 128
 """Number of plane waves of a drift field."""
@@ -47,6 +49,13 @@ class Noise(Options):
     def shared(self) -> bool:
         """Whether the touches of an object share an error."""
         return self.shared_position_noise > 0 or self.shared_rotation_noise > 0
+
+    @property
+    def expected_pose_error(self) -> PoseError:
+        """Deviations of the poses, of each touch and shared ones together, up to the largest that can be stated."""
+        position = math.hypot(self.position_noise, self.shared_position_noise)
+        rotation = math.hypot(self.rotation_noise, self.shared_rotation_noise)
+        return PoseError(min(position, MOST_POSITION), min(rotation, MOST_ROTATION))
 
     def heights(
         self,
