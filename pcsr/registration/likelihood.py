@@ -72,7 +72,9 @@ class Likelihood:
     surfaces: Sequence[TouchedSurface]
     """Touched surface of each finger, in the frame of the touch."""
     points: Float[np.ndarray, "n 3"]
-    """Points of the cloud, in the frame of the touch."""
+    """Points of the cloud, and of other touches after them, in the frame of the touch."""
+    variances: Float[np.ndarray, " n"]
+    """Variance of each point besides that of the cloud: that of a point of another touch, and 0 for the cloud's."""
     spacing: float
     """Mean distance of the cloud's points to their four nearest. The background is spread over this length."""
 
@@ -118,7 +120,7 @@ class Likelihood:
         x, y, z = local[:, 0], local[:, 1], local[:, 2]
         planes = surface.planes(x, y, z)
         level = deviation[:, None]
-        variance = planes.widening + level**2
+        variance = planes.widening + level**2 + self.variances
         squared = planes.height**2 * planes.flatness
         on = self.spacing / np.sqrt(2 * np.pi * variance) * np.exp(-0.5 * squared / variance)
         contact = planes.level == -np.inf

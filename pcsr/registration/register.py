@@ -16,6 +16,7 @@ from pcsr.registration.consensus import arm_of
 from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import carried, isotropic, matrix
+from pcsr.registration.overlaps import Overlaps
 from pcsr.registration.point_errors import point_errors
 from pcsr.registration.records import RegisteredTouch, Registration
 from pcsr.registration.situation import Situation
@@ -78,17 +79,23 @@ def register(
     used = [number for number, found in enumerate(first) if found.freedom + 3 >= FEWEST]
     known = [likelihoods[n] for n in used], [frames[n] for n in used], stated, [floors[n] for n in used], deviation
     arm = arm_of([first[n] for n in used], *known)
-    results = []
-    for number, (touch, one, likelihood) in enumerate(zip(touches, around, likelihoods, strict=True)):
+    results: dict[int, RegisteredTouch] = {}
+    others = Overlaps()
+    for number in sorted(range(len(touches)), key=lambda number: -first[number].freedom):
+        touch, one = touches[number], around[number]
+        likelihood = likelihoods[number] if number in used else others.around(one, likelihoods[number], margin)
         before = arm.prior(frames[number], used.index(number) if number in used else None)
         after = fit(likelihood, before, floors[number], max(deviation, floors[number]))
         errors = point_errors(likelihood, after, one.points)
         judgement = judge(one, likelihood, before, after, errors)
-        results.append(_result(touch, one, after, errors, judgement, centre))
+        results[number] = _result(touch, one, after, errors, judgement, centre)
+        registered = results[number].touch.points
+        others.add((registered - centre) * touch.unit, results[number].errors * touch.unit)
     offset = arm.offset()
     shared = _in_cloud(matrix(offset.mean), np.eye(3), np.zeros(3), centre, touches[0].unit)
     covariance = _scaled(offset.covariance, touches[0].unit)
-    return Registration(results, shared, covariance, arm.shared * error.position, arm.private * error.position)
+    in_order = [results[number] for number in range(len(touches))]
+    return Registration(in_order, shared, covariance, arm.shared * error.position, arm.private * error.position)
 
 
 def _check(touches: Sequence[Touch], cloud: Float[np.ndarray, "n 3"]) -> None:
@@ -115,7 +122,7 @@ def _likelihood(one: Situation, margin: float) -> Likelihood:
     for surface in one.surfaces:
         distance, outside = surface.find(one.near)
         near |= (distance > -margin) & np.isfinite(outside)
-    return Likelihood(one.surfaces, one.near[near], one.near_spacing)
+    return Likelihood(one.surfaces, one.near[near], np.zeros(int(near.sum())), one.near_spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:
