@@ -22,8 +22,8 @@ LIKELY = 1e-3
 """Pairs of deviations with a smaller probability, relative to the best, are left out."""
 
 Matrix = Float[np.ndarray, "6 6"]
-Matrices = Float[np.ndarray, "*k 6 6"]
-Vectors = Float[np.ndarray, "*k 6"]
+Matrices = Float[np.ndarray, "... 6 6"]
+Vectors = Float[np.ndarray, "... 6"]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import Motions
 
 PARTICLES = 64
-"""Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best."""
+"""Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best. Each
+draw is used with both signs, so that nothing moves where the cloud says nothing."""
 NARROW = 3.0
 """The latter's deviations are those of the prior, divided by this."""
 FIRST, SECOND, LAST = (5, 2), (2, 3), (0, 3)
@@ -93,10 +94,10 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     rng = np.random.default_rng(0)
     root = np.linalg.cholesky(prior.covariance)
     if len(likelihood.points) == 0:
-        return _unchanged(prior, rng.normal(size=(PARTICLES, 6)) @ root.T, floor if deviation is None else deviation)
+        return _unchanged(prior, _drawn(rng) @ root.T, floor if deviation is None else deviation)
     precision = np.linalg.inv(prior.covariance)
-    drawn = rng.normal(size=(PARTICLES, 6))
-    drawn[0] = 0
+    drawn = _drawn(rng)
+    drawn[[0, PARTICLES // 2]] = 0
     first = prior.mean + drawn @ root.T
     widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
     particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation, widest, FIRST)
@@ -104,7 +105,7 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     weights = np.exp(0.5 * (logs - logs.max()))
     shares = np.cumsum(weights) / weights.sum()
     parents = np.searchsorted(shares, (np.arange(PARTICLES) + 0.5) / PARTICLES).clip(max=PARTICLES - 1)
-    second = particles[parents] + rng.normal(size=(PARTICLES, 6)) @ root.T / NARROW
+    second = particles[parents] + _drawn(rng) @ root.T / NARROW
     more, level, freedom = _fitted(likelihood, second, precision, floor, deviation, max(widest / NARROW, level), SECOND)
     starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
     logs, informations, inverse = _logs(likelihood, particles, prior, precision, level)
@@ -123,9 +124,15 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
 
 
+def _drawn(rng: np.random.Generator) -> Motions:
+    """Draw motions from the standard normal distribution, the second half with the opposite signs of the first."""
+    half = rng.normal(size=(PARTICLES // 2, 6))
+    return np.concatenate([half, -half])
+
+
 def _unchanged(prior: Prior, drawn: Motions, deviation: float) -> Posterior:
     """Return the prior as the distribution of a touch's motion, if there is no cloud around it."""
-    particles = prior.mean + np.concatenate([drawn, -drawn])
+    particles = prior.mean + drawn
     weights = np.full(len(particles), 1 / len(particles))
     nothing = Mode(np.zeros((6, 6)), np.zeros(6), 0.0)
     return Posterior(prior.mean, nothing, deviation, 0.0, particles, weights)

@@ -113,6 +113,8 @@ def _depths(
 
     The cylinder is covered with balls along its axis, so that the rest of a large cloud isn't looked at.
     """
+    if width == 0:
+        return np.zeros(0)
     length = float(np.maximum(np.abs(cloud.maxes - middle), np.abs(cloud.mins - middle)) @ np.abs(axes[:, 2]))
     step = max(width, length / MOST_BALLS)
     centres = middle - (np.arange(length // step + 1) + 0.5)[:, None] * step * axes[:, 2]
