@@ -11,8 +11,8 @@ from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import Motions
 
 PARTICLES = 64
-"""Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best. Each
-draw is used with both signs, so that nothing moves where the cloud says nothing."""
+"""Number of particles drawn from the prior, the first at its mean, and as many that are drawn around the best. Their
+mean is that of the distribution, so that nothing moves where the cloud says nothing."""
 NARROW = 3.0
 """The latter's deviations are those of the prior, divided by this."""
 FIRST, SECOND, LAST = (5, 2), (2, 3), (0, 3)
@@ -96,9 +96,7 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     if len(likelihood.points) == 0:
         return _unchanged(prior, _drawn(rng) @ root.T, floor if deviation is None else deviation)
     precision = np.linalg.inv(prior.covariance)
-    drawn = _drawn(rng)
-    drawn[[0, PARTICLES // 2]] = 0
-    first = prior.mean + drawn @ root.T
+    first = prior.mean + _drawn(rng) @ root.T
     widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
     particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation, widest, FIRST)
     logs, _, _ = _logs(likelihood, particles, prior, precision, level)
@@ -125,9 +123,11 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
 
 
 def _drawn(rng: np.random.Generator) -> Motions:
-    """Draw motions from the standard normal distribution, the second half with the opposite signs of the first."""
-    half = rng.normal(size=(PARTICLES // 2, 6))
-    return np.concatenate([half, -half])
+    """Draw motions from the standard normal distribution, the first at its mean, and subtract their mean."""
+    drawn = rng.normal(size=(PARTICLES, 6))
+    drawn[0] = 0
+    drawn[1:] -= drawn[1:].mean(0)
+    return drawn
 
 
 def _unchanged(prior: Prior, drawn: Motions, deviation: float) -> Posterior:
@@ -138,7 +138,9 @@ def _unchanged(prior: Prior, drawn: Motions, deviation: float) -> Posterior:
     return Posterior(prior.mean, nothing, deviation, 0.0, particles, weights)
 
 
-def _log_around(starts: Motions, centres: Motions, root: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, " s"]:
+def _log_around(
+    starts: Motions, centres: Float[np.ndarray, "p 6"], root: Float[np.ndarray, "6 6"]
+) -> Float[np.ndarray, " s"]:
     """Return the logarithm of the density of a mixture of normal distributions with the same root of covariance."""
     squared = cdist(np.linalg.solve(root, starts.T).T, np.linalg.solve(root, centres.T).T, "sqeuclidean")
     log: Float[np.ndarray, " s"] = (

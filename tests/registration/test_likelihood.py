@@ -13,7 +13,7 @@ from tests.registration.patches import plate, wavy
 RNG = np.random.default_rng(0)
 MOTIONS = RNG.normal(size=(4, 6)) * [0.05, 0.05, 0.05, 0.6, 0.6, 0.6]
 DEVIATIONS = np.array([0.02, 0.1, 0.5, 1.0])
-POINTS = RNG.uniform(-7, 7, (80, 3)) * [1, 1, 0.4]
+POINTS = RNG.uniform(-7, 7, (40, 3)) * [1, 1, 0.4]
 
 
 def touched(at=(0.0, 0.0), surface=wavy, **options):

@@ -30,7 +30,7 @@ def test_distances_from_a_sphere_are_those_from_its_surface():
 
     surface = TouchedSurface.of(square(ball, count=2000), np.eye(3), 3.0, oriented=True)
     rng = np.random.default_rng(1)
-    points = square(ball, half=3.0, count=300, seed=2) + [0, 0, 20]
+    points = square(ball, half=3.0, count=300, seed=2) + np.array([0, 0, 20])
     points *= 1 + rng.uniform(-0.02, 0.02, (300, 1))
     distance, outside = surface.find(points - [0, 0, 20])
     assert abs(distance - np.linalg.norm(points, axis=1) + 20).max() < 0.02
