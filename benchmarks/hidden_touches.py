@@ -3,8 +3,8 @@
 python benchmarks/hidden_touches.py [--draws 3] [--save]
 
 Test parts of `cad-parts` of 30 mm, a cloud of 512 points from one camera, two touches of the seen surface and two of
-the hidden one. All touches of a part share an error of the arm, and each has a smaller one of its own. `pcsr.register` gets
-the errors that it expects by default, 1 mm and 2 degrees.
+the hidden one. All touches of a part share an error of the arm, and each has a smaller one of its own. `pcsr.register`
+gets the errors that it expects by default, 1 mm and 2 degrees.
 """
 
 from collections.abc import Iterator, Sequence

@@ -62,9 +62,8 @@ def judge(
     shift = float(np.sqrt(((here - one.points) ** 2).sum(1).mean()))
     none = np.zeros(len(here), bool)
     terms = likelihood.terms(after.motion[None], np.array([after.deviation]))
-    of_cloud = likelihood.variances == 0
-    support = int((terms.inside[0, of_cloud] > 0.5).sum())
-    in_finger = int((terms.against[0, of_cloud] < np.log(0.1)).sum())
+    support = int((terms.inside[0, : likelihood.of_cloud] > 0.5).sum())
+    in_finger = int((terms.against[0, : likelihood.of_cloud] < np.log(0.1)).sum())
     if in_finger > max(IN_FINGER, SHARE_IN_FINGER * support):
         return Judgement("refused", f"{in_finger} points of the cloud lie where the finger was", none, support)
     away = after.motion - prior.mean

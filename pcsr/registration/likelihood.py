@@ -6,7 +6,7 @@ finger filled is empty. The number of points on the touched surface counts too: 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -73,10 +73,15 @@ class Likelihood:
     """Touched surface of each finger, in the frame of the touch."""
     points: Float[np.ndarray, "n 3"]
     """Points of the cloud, and of other touches after them, in the frame of the touch."""
-    variances: Float[np.ndarray, " n"]
-    """Variance of each point besides that of the cloud: that of a point of another touch, and 0 for the cloud's."""
     spacing: float
     """Mean distance of the cloud's points to their four nearest. The background is spread over this length."""
+    others: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
+    """Variances of the last points, which are of other touches."""
+
+    @property
+    def of_cloud(self) -> int:
+        """Number of points of the cloud."""
+        return len(self.points) - len(self.others)
 
     def terms(self, motions: Motions, deviation: Float[np.ndarray, " s"]) -> Terms:
         """Evaluate motions of the touch.
@@ -120,7 +125,8 @@ class Likelihood:
         x, y, z = local[:, 0], local[:, 1], local[:, 2]
         planes = surface.planes(x, y, z)
         level = deviation[:, None]
-        variance = planes.widening + level**2 + self.variances
+        variance = planes.widening + level**2
+        variance[:, self.of_cloud :] += self.others
         squared = planes.height**2 * planes.flatness
         on = self.spacing / np.sqrt(2 * np.pi * variance) * np.exp(-0.5 * squared / variance)
         contact = planes.level == -np.inf

@@ -50,5 +50,5 @@ class Overlaps:
         return replace(
             likelihood,
             points=np.concatenate([likelihood.points, points[nearest] @ one.axes]),
-            variances=np.concatenate([likelihood.variances, errors**2]),
+            others=errors**2,
         )

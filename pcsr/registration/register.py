@@ -122,7 +122,7 @@ def _likelihood(one: Situation, margin: float) -> Likelihood:
     for surface in one.surfaces:
         distance, outside = surface.find(one.near)
         near |= (distance > -margin) & np.isfinite(outside)
-    return Likelihood(one.surfaces, one.near[near], np.zeros(int(near.sum())), one.near_spacing)
+    return Likelihood(one.surfaces, one.near[near], one.near_spacing)
 
 
 def _pooled(fits: Sequence[Posterior]) -> float:
