@@ -13,7 +13,17 @@ Verdict = Literal["kept", "moved", "partly", "refused"]
 
 @dataclass(frozen=True)
 class RegisteredTouch:
-    """One touch after the registration."""
+    """One touch after the registration.
+
+    Examples:
+        >>> reported = pcsr.Touch.single(np.random.default_rng(0).normal(size=(9, 3)), None, unit=1.0, sensor="digit")
+        >>> cloud = np.random.default_rng(1).normal(size=(50, 3)) + 100
+        >>> one = pcsr.register([reported], cloud).touches[0]
+        >>> one.verdict, one.reason
+        ('kept', 'no point of the cloud lies on it, so that it cannot be checked')
+        >>> one.motion.shape, one.covariance.shape, one.errors.shape, one.support
+        ((4, 4), (6, 6), (9,), 0)
+    """
 
     touch: Touch
     """The touch with its corrected pose and the points that can be trusted; without points if it is refused."""
@@ -34,7 +44,16 @@ class RegisteredTouch:
 
 @dataclass(frozen=True)
 class Registration:
-    """Touches of a recording, registered to a cloud."""
+    """Touches of a recording, registered to a cloud.
+
+    Examples:
+        >>> reported = pcsr.Touch.single(np.random.default_rng(0).normal(size=(9, 3)), None, unit=1.0, sensor="digit")
+        >>> cloud = np.random.default_rng(1).normal(size=(50, 3)) + 100
+        >>> exact = pcsr.register([reported], cloud, pose_error=pcsr.PoseError(position=0.0, rotation=0.0))
+        >>> [one.reason for one in exact.touches], exact.shared_error, exact.private_error
+        (['its pose is exact'], 0.0, 0.0)
+        >>> used = [one.touch for one in exact.touches if one.verdict != "refused"]
+    """
 
     touches: list[RegisteredTouch]
     offset: Float[np.ndarray, "4 4"]

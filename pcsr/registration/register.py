@@ -54,12 +54,13 @@ def register(
         UserError: the cloud or a touch is empty or not finite, or the touches have different units.
 
     Examples:
-        >>> x, y = np.meshgrid(np.arange(-10.0, 10.1), np.arange(-10.0, 10.1))
-        >>> plate = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-        >>> pose = np.eye(4)
-        >>> touch = pcsr.Touch.single(plate[::3] * [0.4, 0.4, 1] + [0, 0, 0.7], pose, unit=1.0, sensor="digit")
-        >>> registered = pcsr.register([touch], plate).touches[0]
-        >>> registered.verdict, bool(abs(registered.touch.points[:, 2]).max() < 0.05)
+        >>> def waves(step, half):
+        ...     x, y = np.mgrid[-half:half:step, -half:half:step].reshape(2, -1)
+        ...     return np.column_stack([x, y, np.sin(0.6 * x) + np.cos(0.4 * y)])
+        >>> cloud, points = waves(1.0, 12.0), waves(0.4, 5.0)
+        >>> reported = pcsr.Touch.single(points + [0, 0, 0.7], np.eye(4), unit=1.0, sensor="digit")
+        >>> registered = pcsr.register([reported], cloud).touches[0]
+        >>> registered.verdict, bool(abs(registered.touch.points - points).max() < 0.1)
         ('moved', True)
     """
     error = PoseError() if pose_error is None else pose_error
