@@ -47,7 +47,13 @@ class Judgement:
 
 
 def judge(
-    one: Situation, likelihood: Likelihood, prior: Prior, after: Posterior, errors: Float[np.ndarray, " m"]
+    one: Situation,
+    likelihood: Likelihood,
+    prior: Prior,
+    after: Posterior,
+    errors: Float[np.ndarray, " m"],
+    *,
+    all_sides: bool = False,
 ) -> Judgement:
     """Decide which points of a touch are used.
 
@@ -57,6 +63,7 @@ def judge(
         prior: distribution of the motion before the cloud was looked at.
         after: distribution of the motion.
         errors: expected error of each touched point, in millimetres.
+        all_sides: whether the cloud shows the object from all sides.
     """
     here = moved(one.points, after.motion)
     shift = float(np.sqrt(((here - one.points) ** 2).sum(1).mean()))
@@ -76,7 +83,8 @@ def judge(
         )
     wanted = FULL * likelihood.expected
     agreement = min(1.0, terms.inside.sum() / wanted) if wanted else 1.0
-    allowed = _allowed(one, after, here, TRUSTED * agreement * one.spacing)
+    unseen = 0.0 if all_sides else UNSEEN * agreement if support else UNSEEN
+    allowed = _allowed(one, after, here, TRUSTED * agreement * one.spacing, unseen)
     kept = errors <= allowed
     if not kept.any() and one.surfaces and not support:
         return Judgement("refused", "no point of the cloud lies on it, though the cloud is seen there", kept, support)
@@ -97,22 +105,29 @@ def judge(
     return Judgement("kept" if shift < STILL else "moved", reason, kept, support)
 
 
-def _allowed(one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], seen: float) -> Float[np.ndarray, " m"]:
+def _allowed(
+    one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], seen: float, unseen: float
+) -> Float[np.ndarray, " m"]:
     """Return the error of the cloud at each touched point, in millimetres.
 
     Where the cloud has points, it is a share of their spacing; elsewhere the cloud tells nothing, and it is a share of
     the distance from the cloud. Points so far behind the contact that the error of the pose doesn't explain it are of
     another surface, such as the far side.
+
+    Args:
+        one: the touch and the cloud around it.
+        after: distribution of its motion.
+        here: touched points where the motion puts them.
+        seen: error of the cloud where it has points.
+        unseen: error where it has none, as a share of the distance; 0 if the cloud shows all sides.
     """
     back = moved_back(one.near, after.motion[None])
     distances = [surface.find(back)[0][0] for surface in one.surfaces]
     distance = np.max(distances, axis=0) if distances else np.zeros(len(one.near))
     across = BEHIND * np.sqrt(after.covariance[5, 5] + after.deviation**2)
-    near = one.near if one.layers > 1 else one.near[distance > -across]
+    near = one.near if unseen == 0 else one.near[distance > -across]
     if len(near) == 0:
-        return np.full(len(here), seen if one.layers > 1 else np.inf)
+        return np.full(len(here), seen if unseen == 0 else np.inf)
     away = cKDTree(near).query(here)[0]
-    allowed: Float[np.ndarray, " m"] = np.where(
-        (away <= REACH * one.spacing) | (one.layers > 1), seen, np.maximum(seen, UNSEEN * away)
-    )
+    allowed: Float[np.ndarray, " m"] = np.where(away <= REACH * one.spacing, seen, np.maximum(seen, unseen * away))
     return allowed

@@ -19,6 +19,7 @@ from pcsr.registration.motions import carried, isotropic, matrix
 from pcsr.registration.overlaps import Overlaps
 from pcsr.registration.point_errors import point_errors
 from pcsr.registration.records import RegisteredTouch, Registration
+from pcsr.registration.sides import shows_all_sides
 from pcsr.registration.situation import Situation
 
 REACH = 3.0
@@ -82,13 +83,14 @@ def register(
     arm = arm_of([first[n] for n in used], *known)
     results: dict[int, RegisteredTouch] = {}
     others = Overlaps()
+    all_sides = shows_all_sides(cloud)
     for number in sorted(range(len(touches)), key=lambda number: -first[number].freedom):
         touch, one = touches[number], around[number]
         likelihood = likelihoods[number] if number in used else others.around(one, likelihoods[number], margin)
         before = arm.prior(frames[number], used.index(number) if number in used else None)
         after = fit(likelihood, before, floors[number], max(deviation, floors[number]))
         errors = point_errors(likelihood, after, one.points)
-        judgement = judge(one, likelihood, before, after, errors)
+        judgement = judge(one, likelihood, before, after, errors, all_sides=all_sides)
         results[number] = _result(touch, one, after, errors, judgement, centre)
         registered = results[number].touch.points
         others.add((registered - centre) * touch.unit, results[number].errors * touch.unit)

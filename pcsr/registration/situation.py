@@ -14,13 +14,9 @@ AROUND = 512
 NEAREST = 4
 """Number of neighbours by which the spacing of the cloud is measured."""
 FEWEST = 4
-"""Smallest number of points that make a surface or a layer."""
-MOST_BALLS = 64
-"""Largest number of balls that cover the cylinder behind a contact."""
+"""Smallest number of points that make a surface."""
 LINE = 0.01
 """Points lie on a line if their extent across it is smaller, as a share of that along it."""
-GAP = 1.5
-"""Smallest distance between two layers, in spacings of the cloud."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +37,6 @@ class Situation:
     """Spacing of the cloud there; of the touch if there is no cloud."""
     near_spacing: float
     """Spacing of `near`: larger, if these are only a part of the points there."""
-    layers: int
-    """Number of layers of the cloud behind the contact: two, if the touch is in front of a surface that is seen from
-    both sides; at most one, if it is on a side that the cloud does not show."""
 
     @property
     def noise(self) -> float:
@@ -91,9 +84,7 @@ class Situation:
             some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
         spacing = _spacing(near, some)
         thinned = spacing * float(np.sqrt(len(near) / len(some))) if len(some) else spacing
-        width = float(np.sqrt((points[:, :2] ** 2).sum(1).mean()))
-        depth = _depths(cloud, middle, width / touch.unit, axes) * touch.unit
-        return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned, _layers(depth, spacing))
+        return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned)
 
 
 def _within(
@@ -104,23 +95,6 @@ def _within(
     rows = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in balls]))
     found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centres[0]) @ axes
     return found
-
-
-def _depths(
-    cloud: cKDTree, middle: Float[np.ndarray, "3"], width: float, axes: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, " n"]:
-    """Return the depths of the points in a cylinder of radius `width` behind a contact, in the unit of the cloud.
-
-    The cylinder is covered with balls along its axis, so that the rest of a large cloud isn't looked at.
-    """
-    if width == 0:
-        return np.zeros(0)
-    length = float(np.maximum(np.abs(cloud.maxes - middle), np.abs(cloud.mins - middle)) @ np.abs(axes[:, 2]))
-    step = max(width, length / MOST_BALLS)
-    centres = middle - (np.arange(length // step + 1) + 0.5)[:, None] * step * axes[:, 2]
-    behind = _within(cloud, np.concatenate([middle[None], centres]), float(np.hypot(width, step / 2)), axes)
-    depth: Float[np.ndarray, " n"] = -behind[np.linalg.norm(behind[:, :2], axis=1) <= width, 2]
-    return depth[depth > 0]
 
 
 def _axes(touch: Touch, centred: Float[np.ndarray, "m 3"]) -> tuple[Float[np.ndarray, "3 3"], bool]:
@@ -158,12 +132,3 @@ def _spacing(points: Float[np.ndarray, "n 3"], some: Float[np.ndarray, "k 3"]) -
         return 1.0
     k = min(NEAREST, len(points) - 1)
     return float(np.median(cKDTree(points).query(some, k=range(2, k + 2))[0].mean(1)))
-
-
-def _layers(depth: Float[np.ndarray, " k"], spacing: float) -> int:
-    """Count the layers of points behind a contact, at most two: the widest gap in their depths separates them."""
-    if len(depth) < 2 * FEWEST:
-        return int(len(depth) > 0)
-    depth = np.sort(depth)
-    gaps = np.diff(depth[FEWEST - 1 : len(depth) - FEWEST + 1])
-    return 2 if len(gaps) and gaps.max() > GAP * spacing else 1

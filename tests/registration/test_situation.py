@@ -51,14 +51,6 @@ def test_repeated_points_count_once():
     assert once.spacing == pytest.approx(twice.spacing)
 
 
-@pytest.mark.parametrize(("depths", "layers"), [((0,), 1), ((0, 5), 2), ((0, 5, 9), 2), ((), 0), ((60,), 1)])
-def test_layers_behind_the_contact_are_counted_however_deep(depths, layers):
-    sheets = [scan(plate, seed=number) - [0, 0, 0.3 + depth] for number, depth in enumerate(depths)]
-    beside = plate(np.random.default_rng(9).uniform(30, 60, (300, 2)))
-    cloud = np.concatenate([*sheets, beside]) @ MOVE[:3, :3].T + MOVE[:3, 3]
-    assert of(by(pressed(plate), MOVE), cloud).layers == layers
-
-
 def test_axes_without_a_pose_follow_the_points():
     touch = pressed(wavy)
     one = of(replace(touch, poses=touch.poses[:0]), scan(wavy))
