@@ -98,10 +98,10 @@ def sentences(registration: Registration, cloud: Float[np.ndarray, "n 3"], unit:
         a, b, c = turn(registration.offset)
         deviation = np.sqrt(np.diag(registration.offset_covariance).clip(0))
         said = [
-            f"all touches share an offset of {x:z.3f} {y:z.3f} {z:z.3f} mm and {a:z.3f} {b:z.3f} {c:z.3f} degrees: correct "
-            f"the arm by this translation and this rotation vector about {' '.join(f'{v:.6g}' for v in centre)}, the "
-            f"centroid of the cloud, all in its frame; they are known to {np.linalg.norm(deviation[3:]) * unit:.2g} mm "
-            f"and {np.degrees(np.linalg.norm(deviation[:3])):.2g} degrees"
+            f"all touches share an offset of {x:z.3f} {y:z.3f} {z:z.3f} mm and {a:z.3f} {b:z.3f} {c:z.3f} degrees: "
+            f"correct the arm by this translation and this rotation vector about "
+            f"{' '.join(f'{v:.6g}' for v in centre)}, the centroid of the cloud, all in its frame; they are known to "
+            f"{np.linalg.norm(deviation[3:]) * unit:.2g} mm and {np.degrees(np.linalg.norm(deviation[:3])):.2g} degrees"
         ]
     return [
         *said,

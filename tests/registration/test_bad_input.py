@@ -1,6 +1,5 @@
 """Touches and clouds that cannot be registered get a verdict, without an exception or a warning."""
 
-import re
 from dataclasses import replace
 from typing import get_args
 
@@ -83,7 +82,6 @@ def check(found, touches):
         assert one.reason
         assert "inf" not in one.reason
         assert "nan" not in one.reason
-        assert not re.search(r"\b1 points", one.reason)
         assert len(one.errors) == len(one.touch.points) == len(one.touch.finger)
         used = len(one.touch.points) / len(touch.points)
         assert {"refused": used == 0, "partly": 0 < used < 1}.get(one.verdict, used == 1)
