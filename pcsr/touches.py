@@ -1,7 +1,7 @@
 """Touches that a cloud is upsampled with: read, checked, and registered to the cloud."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -63,6 +63,10 @@ class GivenTouches:
             recording = read(Path(touches))
             names = [f"touch {index} ({name})" for index, name in enumerate(recording.names)]
             return cls(list(recording.touches), names, pose_error or recording.pose_error, as_is)
+        if isinstance(touches, Touch) or not isinstance(touches, Iterable):
+            raise UserError(
+                f"touches is a {type(touches).__name__}: give a list of touches, or the folder of a recording"
+            )
         given = [touch if isinstance(touch, Touch) else np.asarray(convert(touch).cloud.points) for touch in touches]
         return cls(given, [f"touch {index}" for index in range(len(given))], pose_error, as_is)
 

@@ -72,7 +72,7 @@ def register(
     from pcsr.registration.report import sentences
 
     touch = TouchOptions(folder, pose_error, as_is=False, report=report)
-    touch.check()
+    touch.check([cloud], [] if out is None else [out])
     _check_folder(out, folder, overwrite=overwrite)
     console, errors = streams.console(), streams.console(error=True)
     with yellow_warnings(errors):

@@ -85,7 +85,9 @@ class RegistrationOutput:
         shown = rows[: self.most]
         heads = (Column(head, overflow="fold", justify="right" if head in NUMBERS else "left") for head in HEADS)
         caption = f"and {len(rows) - len(shown)} more touches" if len(rows) > len(shown) else None
-        printed = Table(*heads, box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, caption=caption)
+        printed = Table(
+            *heads, box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True, caption=caption
+        )
         printed.caption_justify = "left"
         for row in shown:
             printed.add_row(*map(Text, row))

@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -80,8 +80,12 @@ class TouchOptions:
     report: Path | None
     """File of the report."""
 
-    def check(self) -> None:
+    def check(self, files: Sequence[Path], recordings: Sequence[Path] = ()) -> None:
         """Check that the options fit together, and that the report can be written.
+
+        Args:
+            files: other files that the command reads or writes.
+            recordings: folders of recordings that it writes.
 
         Raises:
             UserError: they do not, or it cannot.
@@ -97,7 +101,8 @@ class TouchOptions:
             if is_given and self.as_is and name != "--touch-as-is":
                 raise UserError(f"{name}: with --touch-as-is no touch is registered: leave one of the two out")
         if self.report is not None:
-            check_report(self.report)
+            folders = [*recordings, *([] if self.folder is None else [self.folder])]
+            check_report(self.report, [*files, *folders], folders)
 
     def read(self) -> "Recording":
         """Read the recording, with the error of `--pose-error` if it was given, and name the touches that are skipped.
@@ -116,15 +121,32 @@ class TouchOptions:
         return recording if self.pose_error is None else replace(recording, pose_error=self.pose_error)
 
 
-def check_report(path: Path) -> None:
+def check_report(path: Path, files: Sequence[Path], recordings: Sequence[Path]) -> None:
     """Check that a report can be written, before the work.
 
+    Args:
+        path: file of the report.
+        files: other files of the command.
+        recordings: folders of recordings, in which a report may replace no file of theirs.
+
     Raises:
-        UserError: the path is that of a folder or a device, or its folder cannot be written to.
+        UserError: the path is that of a folder, a device or a pipe, or of a file that the command reads or writes, or
+            its folder cannot be written to.
     """
     from pcsr.files import check_target
+    from pcsr.recorded import MANIFEST
 
     check_target(path)
+    if str(path) == "-":
+        raise UserError("--touch-report -: a report cannot be written to a pipe: name a file")
+    whole = path.resolve()
+    if any(whole == file.resolve() for file in files):
+        raise UserError(f"--touch-report {path}: this command reads or writes that file: name another one")
+    folders = [one.parent if one.name == MANIFEST else one for one in recordings]
+    if (whole.suffix != ".json" or whole.name == MANIFEST) and any(
+        whole.is_relative_to(folder.resolve()) for folder in folders
+    ):
+        raise UserError(f"--touch-report {path}: it may be a file of the recording: name one outside of its folder")
     folder = next(one for one in path.absolute().parents if os.path.lexists(one))
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         what = "cannot be written to" if folder.is_dir() else "is a file"
@@ -144,7 +166,7 @@ def touch_options(command: Callable[..., Result]) -> Callable[..., Result]:
         **kwargs: object,
     ) -> Result:
         touch = TouchOptions(folder, pose_error, as_is, report)
-        touch.check()
+        touch.check([value for value in kwargs.values() if isinstance(value, Path)])
         return command(*args, touch=touch, **kwargs)
 
     return TOUCH(POSE_ERROR(AS_IS(REPORT(with_touches))))

@@ -3,7 +3,7 @@
 import copy
 import json
 from collections.abc import Callable, Collection
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -205,9 +205,11 @@ def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:
 def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
     for key in keys:
         annotation = model.model_fields[str(key)].annotation
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        kinds = get_args(annotation) or (annotation,)  # of `Section | None`, the section
+        sections = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
+        if not sections:
             return []
-        model = annotation
+        model = sections[0]
     extra = ["extends", "matrix", "recipes"] if model is Recipe else []
     return [*model.model_fields, *extra]
 

@@ -34,6 +34,8 @@ from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 MANIFEST = "touches.json"
+WIDER = 1.5
+"""A touch may be this many times as wide as what its sensor sees."""
 MOST_REASONS = 20
 """Greatest number of reasons in the message about a recording of which no touch is usable; further ones are counted."""
 
@@ -237,11 +239,30 @@ def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
     if isinstance(entry, CloudEntry):
         points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
         points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
+        _check_view(points, sensor_pose, entry.view)
         return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
     if sensor_pose is None:
         raise UserError("pose is missing: an image is in the frame of the sensor; add it")
     touched, area, view = _contact(folder, entry)
     return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
+
+
+def _check_view(
+    points: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "4 4"] | None, view: tuple[float, float] | None
+) -> None:
+    """Check that a sensor sees what it touched.
+
+    Raises:
+        UserError: the points are far wider than the view.
+    """
+    if view is None or pose is None or len(points) == 0:
+        return
+    width, height = np.ptp(transformed(np.linalg.inv(pose), points)[:, :2], axis=0)
+    if width > WIDER * view[0] or height > WIDER * view[1]:
+        raise UserError(
+            f"view: the sensor sees {view[0]:.4g} × {view[1]:.4g} mm, but its points are {width:.4g} × {height:.4g} mm "
+            f"wide: give the sides of what it sees in millimetres, along x and y of the sensor"
+        )
 
 
 def _in_object(

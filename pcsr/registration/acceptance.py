@@ -94,15 +94,20 @@ def judge(
         )
         return Judgement("refused", reason, kept, support)
     if not kept.all():
-        reason = f"at {(~kept).sum()} points the expected error exceeds that of the cloud, {np.median(allowed):.2g} mm"
+        few = _counted(int((~kept).sum()))
+        reason = f"at {few} the expected error exceeds that of the cloud, {np.median(allowed):.2g} mm"
         return Judgement("partly", reason, kept, support)
     if not one.surfaces:
         reason = "its points make no surface, so that it cannot be checked"
     elif support:
-        reason = f"{support} points of the cloud lie on it"
+        reason = f"{_counted(support)} of the cloud {'lies' if support == 1 else 'lie'} on it"
     else:
         reason = "no point of the cloud lies on it, so that it cannot be checked"
     return Judgement("kept" if shift < STILL else "moved", reason, kept, support)
+
+
+def _counted(count: int) -> str:
+    return f"{count} point{'' if count == 1 else 's'}"
 
 
 def _allowed(

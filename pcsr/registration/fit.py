@@ -115,7 +115,7 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     same = np.einsum("si,ij,sj->s", beside, informations[best], beside) < BASIN
     mean = weights[same] @ particles[same] / weights[same].sum()
     motion, mode = modes(likelihood, mean[None], precision, floor, level, level, LAST)
-    spread = inverse - inverse @ precision @ inverse
+    spread = inverse @ informations @ inverse  # inverse - inverse @ precision @ inverse would cancel for coarse clouds
     jitter = np.linalg.cholesky(spread + ROUNDING * np.diag(np.diag(prior.covariance))) @ rng.normal(
         size=(2 * PARTICLES, 6, 1)
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -9,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
-from pcsr.errors import UserError
-from pcsr.geometry.checks import check_cloud
 from pcsr.registration.acceptance import Judgement, judge
+from pcsr.registration.checks import checked
 from pcsr.registration.consensus import arm_of
 from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
@@ -36,9 +36,7 @@ LEAST_POSITION, LEAST_ROTATION = 0.01, 0.01
 """Smallest deviations of a pose that is not exact, in millimetres and degrees."""
 
 
-def register(
-    touches: Sequence[Touch], cloud: Float[np.ndarray, "n 3"], *, pose_error: PoseError | None = None
-) -> Registration:
+def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | None = None) -> Registration:
     """Register touches to a cloud.
 
     Each touch is a dense piece of the surface. It is moved onto the points of the cloud around it, as far as the error
@@ -48,11 +46,13 @@ def register(
 
     Args:
         touches: touches of one recording, in the frame and unit of the cloud.
-        cloud: points that a camera or scanner saw, (n 3), finite.
+        cloud: points that a camera or scanner saw, (n 3), finite: a numpy array, a torch tensor, a trimesh or an Open3D
+            cloud.
         pose_error: error of the poses, as far as it is known; 1 mm and 2 degrees by default.
 
     Raises:
-        UserError: the cloud or a touch is empty or not finite, or the touches have different units.
+        UserError: the cloud or a touch is empty, not finite or of a size that only a wrong unit explains, or the
+            touches have different units.
 
     Examples:
         >>> def waves(step, half):
@@ -64,8 +64,7 @@ def register(
         >>> registered.verdict, bool(abs(registered.touch.points - points).max() < 0.1)
         ('moved', True)
     """
-    error = PoseError() if pose_error is None else pose_error
-    _check(touches, cloud)
+    touches, cloud, error = checked(touches, cloud, pose_error)
     if error.exact or not touches:
         return _unmoved(touches)
     centre = cloud.mean(0)
@@ -99,15 +98,6 @@ def register(
     covariance = _scaled(offset.covariance, touches[0].unit)
     in_order = [results[number] for number in range(len(touches))]
     return Registration(in_order, shared, covariance, arm.shared * error.position, arm.private * error.position)
-
-
-def _check(touches: Sequence[Touch], cloud: Float[np.ndarray, "n 3"]) -> None:
-    check_cloud(cloud)
-    if len({touch.unit for touch in touches}) > 1:
-        raise UserError(f"touches of one recording need the same unit, got {[touch.unit for touch in touches]} mm")
-    for number, touch in enumerate(touches):
-        if len(touch.points) == 0 or not np.isfinite(touch.points).all():
-            raise UserError(f"touch {number} has {len(touch.points)} points, which must be some and finite")
 
 
 def _unmoved(touches: Sequence[Touch]) -> Registration:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION, PoseError
+from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.registration.records import RegisteredTouch, Registration
 
@@ -59,7 +59,7 @@ def remaining_error(registration: Registration) -> PoseError | None:
     rotation, position = (float(np.sqrt(part.mean())) for part in np.split(variances, 2, axis=1))
     if not np.isfinite([rotation, position]).all():
         return None
-    return PoseError(min(position, MOST_POSITION), min(math.degrees(rotation), MOST_ROTATION))
+    return PoseError.at_most(position, math.degrees(rotation))
 
 
 def table(names: Sequence[str], reported: Sequence[Touch], registration: Registration) -> list[tuple[str, ...]]:
@@ -98,10 +98,10 @@ def sentences(registration: Registration, cloud: Float[np.ndarray, "n 3"], unit:
         a, b, c = turn(registration.offset)
         deviation = np.sqrt(np.diag(registration.offset_covariance).clip(0))
         said = [
-            f"all touches share an offset of {x:.3f} {y:.3f} {z:.3f} mm and {a:.3f} {b:.3f} {c:.3f} degrees: correct "
-            f"the arm by this translation and this rotation vector about {' '.join(f'{v:.6g}' for v in centre)}, the "
-            f"centroid of the cloud, all in its frame; they are known to {np.linalg.norm(deviation[3:]) * unit:.2g} mm "
-            f"and {np.degrees(np.linalg.norm(deviation[:3])):.2g} degrees"
+            f"all touches share an offset of {x:z.3f} {y:z.3f} {z:z.3f} mm and {a:z.3f} {b:z.3f} {c:z.3f} degrees: "
+            f"correct the arm by this translation and this rotation vector about "
+            f"{' '.join(f'{v:.6g}' for v in centre)}, the centroid of the cloud, all in its frame; they are known to "
+            f"{np.linalg.norm(deviation[3:]) * unit:.2g} mm and {np.degrees(np.linalg.norm(deviation[:3])):.2g} degrees"
         ]
     return [
         *said,

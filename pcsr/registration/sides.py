@@ -13,8 +13,8 @@ AWAY = 2.0
 WIDTH, OPENING = 1.5, 0.1
 """Radius of a line in spacings, and its growth with the distance: normals of sparse clouds are inexact."""
 MOST = 0.9
-"""Share of the lines that meet another side if the cloud shows all sides. It is large, since one side that is not shown,
-such as that on a table, is met by few lines."""
+"""Share of the lines that meet another side if the cloud shows all sides. It is large, since one hidden side, such as
+that on a table, is met by few lines."""
 
 
 def shows_all_sides(cloud: Float[np.ndarray, "n 3"]) -> bool:

@@ -108,6 +108,9 @@ def test_where_all_touches_are_refused_nothing_is_written(folder, monkeypatch):
         (["-o", "old"], "old holds a recording already: choose another folder, or overwrite it (--overwrite)"),
         (["-o", "scan.ply"], "is a file"),
         (["--touch-report", "."], "would be replaced by a file: name a file"),
+        (["--touch-report", "scan.ply"], "this command reads or writes that file: name another one"),
+        (["-o", "new", "--touch-report", "new"], "this command reads or writes that file: name another one"),
+        (["-o", "new", "--touch-report", "new/touches.json"], "it may be a file of the recording: name one outside"),
         (["--pose-error", "0.3"], "--pose-error '0.3': it must be two numbers, millimetres and degrees, as in"),
     ],
 )

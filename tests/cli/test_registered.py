@@ -122,6 +122,12 @@ def test_a_long_table_ends_with_a_count(folder, made_by_hand):
         (["--pose-error=-1,2"], "touches", "--pose-error -1,2: pose error: position is -1 mm: it must be 0 to 100"),
         (["--pose-error", "1,nan"], "touches", "rotation is nan degrees: it must be 0 to 45"),
         (["--touch-report", "touches"], "touches", "touches is a folder"),
+        (["--touch-report", "scan.ply"], "touches", "--touch-report scan.ply: this command reads or writes that file"),
+        (["--touch-report", "./out.npy"], "touches", "--touch-report out.npy: this command reads or writes that file"),
+        (["--touch-report", "touches/0.ply"], "touches", "--touch-report touches/0.ply: it may be a file of the rec"),
+        (["--touch-report", "touches/touches.json"], "touches", "touches.json: it may be a file of the recording"),
+        (["--touch-report", "touches/touches.json"], "touches/touches.json", "this command reads or writes that file"),
+        (["--touch-report", "-"], "touches", "--touch-report -: a report cannot be written to a pipe"),
         (["--touch-report", "scan.ply/r.json"], "touches", "scan.ply is a file: name a file in another folder"),
     ],
 )
@@ -130,6 +136,7 @@ def test_a_mistake_is_one_line_before_the_work(folder, monkeypatch, more, touche
     done = upsample(*more, touches=touches)
     assert (done.exit_code, said in done.stderr) == (2, True), done.output
     assert len(done.stderr.splitlines()) == 1
+    assert read_points(folder / "scan.ply").shape == (400, 3)
     assert not (folder / "out.npy").exists()
     assert not (folder / "r.json").exists()
 

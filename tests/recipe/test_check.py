@@ -69,6 +69,22 @@ def test_mistakes_in_parent_child_matrix_and_options_are_reported_together(write
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
+        ("data: {registration: {x: 1}}", "5:23: data registration takes no 'x': known: position, rotation"),
+        ("data: {registration: {postion: 1}}", "5:23: data registration takes no 'postion': did you mean 'position'?"),
+        ("data: {registration: {rotation: .nan}}", "5:33: data.registration.rotation: it must be a finite number"),
+        ("data: {registration: {position: 101}}", "5:33: data.registration.position: it must be at most 100, got 101"),
+        ("data: {registration: 5}", "5:22: data.registration is a section: write its keys under it, got 5"),
+        ("patches: {pionts: 64}", "5:11: patches takes no 'pionts': did you mean 'points'?"),
+    ],
+)
+def test_mistakes_in_optional_sections(write, registry, text, expected):
+    [said] = lines(write(f"name: a\n\n\n\n{text}\n", model=True), registry)
+    assert said.startswith(f"recipe.yaml:{expected}")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
         ("name: a\nmodel: {fusion: null, encoder: 3, backbone: {steps: 1}, upsampler: dense}", [
             "recipe.yaml:2:17: model.fusion: name the part, as `fusion: attention` or with `use:`",
             "recipe.yaml:2:32: model.encoder: name the part, as `encoder: net` or with `use:`",

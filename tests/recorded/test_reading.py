@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+import pcsr
 from pcsr.clouds.formats import write_points
 from pcsr.recorded import MANIFEST, read, write
 from tests.recorded.recordings import CLOUD, STILL, one_touch, only, reason, record
@@ -164,3 +165,13 @@ def test_a_recording_is_found_by_text_and_by_its_manifest_too(tmp_path):
     write(tmp_path, [one_touch()])
     for place in (str(tmp_path), tmp_path / MANIFEST, str(tmp_path / MANIFEST)):
         assert np.array_equal(read(place).touches[0].points, read(tmp_path).touches[0].points)
+
+
+def test_a_view_in_metres_is_named(tmp_path):
+    x, y = np.meshgrid(np.linspace(-6, 6, 9), np.linspace(-4, 4, 9))
+    points = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+    touches = [pcsr.Touch.single(points, np.eye(4), 1.0, "pad", view=view) for view in ((16.0, 12.0), (0.016, 0.012))]
+    write(tmp_path / "touches", touches)
+    recording = read(tmp_path / "touches")
+    assert [touch.view for touch in recording.touches] == [(16.0, 12.0)]
+    assert "0.016 × 0.012 mm, but its points are 12 × 8 mm wide" in recording.skipped["1.ply"]

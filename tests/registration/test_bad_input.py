@@ -175,6 +175,12 @@ def test_a_plate_without_an_edge_gives_a_verdict():
     check(register(touches, scan(plate)), touches)
 
 
+@pytest.mark.parametrize("spacing", [1e2, 1e4, 1e6, 1e8])
+def test_a_cloud_far_coarser_than_the_touches_gives_a_verdict(spacing):
+    touches = [by(pressed(plate, at), rigid([1, 0, 0], [0.3, 0.2, 0.5])) for at in [(0, 0), (5, 5)]]
+    check(register(touches, np.random.default_rng(0).normal(size=(100, 3)) * spacing), touches)
+
+
 def test_many_touches_find_their_places():
     directions = np.random.default_rng(0).normal(size=(30, 3))
     exact = [bumpy_touch(towards, count=200) for towards in directions]

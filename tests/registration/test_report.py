@@ -68,6 +68,11 @@ def test_the_shared_offset_is_said_in_millimetres(unit):
     )
 
 
+def test_an_offset_that_is_rounded_to_0_has_no_sign():
+    found = replace(registration(touches()), offset=motion(0, [-1e-5, 0.1, -1e-5]))
+    assert "an offset of 0.000 0.100 0.000 mm and 0.000 0.000 0.000 degrees" in sentences(found, scan(), 1.0)[0]
+
+
 def test_no_offset_is_said_too():
     found = replace(registration(touches()), offset=np.eye(4))
     assert sentences(found, scan(), 1.0)[0] == "the touches share no offset that differs from 0"

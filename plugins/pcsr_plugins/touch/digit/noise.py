@@ -13,7 +13,6 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from pcsr import Options, PoseError
-from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
 
 WAVES = 128
 """Number of plane waves of a drift field."""
@@ -55,7 +54,7 @@ class Noise(Options):
         """Deviations of the poses, of each touch and shared ones together, up to the largest that can be stated."""
         position = math.hypot(self.position_noise, self.shared_position_noise)
         rotation = math.hypot(self.rotation_noise, self.shared_rotation_noise)
-        return PoseError(min(position, MOST_POSITION), min(rotation, MOST_ROTATION))
+        return PoseError.at_most(position, rotation)
 
     def heights(
         self,
