@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from pcsr.registration.fit import Posterior, Prior
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import moved, moved_back
+from pcsr.registration.neighbourhood import Neighbourhood
 from pcsr.registration.records import Verdict
-from pcsr.registration.situation import Situation
 
 TRUSTED = 0.12
 """Error of a surface through the cloud, in spacings of the cloud."""
@@ -47,7 +47,7 @@ class Judgement:
 
 
 def judge(
-    one: Situation,
+    one: Neighbourhood,
     likelihood: Likelihood,
     prior: Prior,
     after: Posterior,
@@ -111,7 +111,7 @@ def _counted(count: int) -> str:
 
 
 def _allowed(
-    one: Situation, after: Posterior, here: Float[np.ndarray, "m 3"], seen: float, unseen: float
+    one: Neighbourhood, after: Posterior, here: Float[np.ndarray, "m 3"], seen: float, unseen: float
 ) -> Float[np.ndarray, " m"]:
     """Return the error of the cloud at each touched point, in millimetres.
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.registration.likelihood import Likelihood
-from pcsr.registration.situation import Situation
+from pcsr.registration.neighbourhood import Neighbourhood
 
 KEPT = 64
 """Largest number of points of a registered touch that count."""
@@ -31,7 +31,7 @@ class Overlaps:
         self.points.append(points[some])
         self.errors.append(errors[some])
 
-    def around(self, one: Situation, likelihood: Likelihood, margin: float) -> Likelihood:
+    def around(self, one: Neighbourhood, likelihood: Likelihood, margin: float) -> Likelihood:
         """Return the likelihood of a touch's motion with the points of the other touches around it.
 
         Args:

@@ -16,11 +16,11 @@ from pcsr.registration.consensus import arm_of
 from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import carried, isotropic, matrix
+from pcsr.registration.neighbourhood import Neighbourhood
 from pcsr.registration.overlaps import Overlaps
 from pcsr.registration.point_errors import point_errors
 from pcsr.registration.records import RegisteredTouch, Registration
 from pcsr.registration.sides import shows_all_sides
-from pcsr.registration.situation import Situation
 
 REACH = 3.0
 """Distance from a touch up to which the cloud is looked at, in deviations of the position."""
@@ -71,7 +71,7 @@ def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | No
     margin = REACH * error.position + BESIDE
     stated = isotropic(max(error.position, LEAST_POSITION), np.radians(max(error.rotation, LEAST_ROTATION)))
     tree = cKDTree(cloud)
-    around = [Situation.of(touch, tree, centre, margin) for touch in touches]
+    around = [Neighbourhood.of(touch, tree, centre, margin) for touch in touches]
     likelihoods = [_likelihood(one, margin) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]
     first = [fit(one, Prior(np.zeros(6), stated), floor) for one, floor in zip(likelihoods, floors, strict=True)]
@@ -109,7 +109,7 @@ def _unmoved(touches: Sequence[Touch]) -> Registration:
     return Registration(kept, np.eye(4), np.zeros((6, 6)), 0.0, 0.0)
 
 
-def _likelihood(one: Situation, margin: float) -> Likelihood:
+def _likelihood(one: Neighbourhood, margin: float) -> Likelihood:
     """Return the likelihood of a touch's motion, without points too deep behind the contact to count for any."""
     near = np.zeros(len(one.near), bool)
     for surface in one.surfaces:
@@ -126,7 +126,7 @@ def _pooled(fits: Sequence[Posterior]) -> float:
 
 def _result(
     touch: Touch,
-    one: Situation,
+    one: Neighbourhood,
     after: Posterior,
     errors: Float[np.ndarray, " m"],
     judgement: Judgement,

@@ -8,14 +8,14 @@ from pcsr.registration.acceptance import REACH, TRUSTED, UNSEEN, judge
 from pcsr.registration.fit import Prior, fit
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import isotropic, moved
-from pcsr.registration.situation import Situation
+from pcsr.registration.neighbourhood import Neighbourhood
 from tests.registration.patches import by, plate, pressed, rigid, scan, wavy
 
 PRIOR = Prior(np.zeros(6), isotropic(0.7, 0.02))
 
 
 def case(touch, cloud, prior=PRIOR):
-    one = Situation.of(touch, cKDTree(cloud), cloud.mean(0), 5.0)
+    one = Neighbourhood.of(touch, cKDTree(cloud), cloud.mean(0), 5.0)
     likelihood = Likelihood(one.surfaces, one.near, one.near_spacing)
     return one, likelihood, prior, fit(likelihood, prior, 0.02)
 

@@ -5,8 +5,8 @@ from scipy.spatial import cKDTree
 
 import pcsr
 from pcsr.registration.likelihood import Likelihood
+from pcsr.registration.neighbourhood import Neighbourhood
 from pcsr.registration.overlaps import COUNTED, KEPT, Overlaps
-from pcsr.registration.situation import Situation
 
 
 def touch(middle, height):
@@ -41,7 +41,7 @@ def test_touches_apart_do_not_change_each_other():
 
 def test_only_what_is_near_counts_and_not_too_much_of_it():
     of = cloud()
-    one = Situation.of(touch(0.0, 0.0), cKDTree(of), of.mean(0), 5.0)
+    one = Neighbourhood.of(touch(0.0, 0.0), cKDTree(of), of.mean(0), 5.0)
     plain = Likelihood(one.surfaces, one.near, one.near_spacing)
     others = Overlaps()
     assert others.around(one, plain, 5.0) is plain

@@ -8,14 +8,14 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from pcsr import Touch
-from pcsr.registration.situation import AROUND, Situation
+from pcsr.registration.neighbourhood import AROUND, Neighbourhood
 from tests.registration.patches import by, plate, pressed, rigid, scan, wavy
 
 MOVE = rigid([20, -40, 70], [5, -3, 8])
 
 
 def of(touch, cloud, margin=5.0):
-    return Situation.of(touch, cKDTree(cloud), cloud.mean(0), margin)
+    return Neighbourhood.of(touch, cKDTree(cloud), cloud.mean(0), margin)
 
 
 def test_points_around_are_those_of_a_search_of_all():

@@ -20,7 +20,7 @@ LINE = 0.01
 
 
 @dataclass(frozen=True)
-class Situation:
+class Neighbourhood:
     """One touch and the cloud around it. All lengths are in millimetres."""
 
     points: Float[np.ndarray, "m 3"]
@@ -44,7 +44,7 @@ class Situation:
         return max((surface.noise for surface in self.surfaces), default=0.0)
 
     @classmethod
-    def of(cls, touch: Touch, cloud: cKDTree, centre: Float[np.ndarray, "3"], margin: float) -> "Situation":
+    def of(cls, touch: Touch, cloud: cKDTree, centre: Float[np.ndarray, "3"], margin: float) -> "Neighbourhood":
         """Bring a touch and the cloud around it into the frame of the touch.
 
         Args:
@@ -75,7 +75,7 @@ class Situation:
             surfaces.append(TouchedSurface.of(points[rows], of_finger, margin, oriented=oriented, view=view))
         radius = float(np.linalg.norm(points, axis=1).max()) + margin
         middle = centre + origin / touch.unit
-        near = _within(cloud, middle[None], radius / touch.unit, axes) * touch.unit
+        near = _within(cloud, middle, radius / touch.unit, axes) * touch.unit
         away = np.linalg.norm(near, axis=1)
         order = np.argsort(away, kind="stable")
         near = near[order[away[order] <= radius]]
@@ -88,12 +88,11 @@ class Situation:
 
 
 def _within(
-    cloud: cKDTree, centres: Float[np.ndarray, "k 3"], radius: float, axes: Float[np.ndarray, "3 3"]
+    cloud: cKDTree, centre: Float[np.ndarray, "3"], radius: float, axes: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the points of the cloud in any of several balls, each once, along axes at the first centre."""
-    balls = cloud.query_ball_point(centres, radius * (1 + 1e-9))
-    rows = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in balls]))
-    found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centres[0]) @ axes
+    """Return the points of the cloud in a ball, each once, along axes at its centre."""
+    rows = np.asarray(cloud.query_ball_point(centre, radius * (1 + 1e-9)), np.int64)
+    found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centre) @ axes
     return found
 
 
