@@ -113,6 +113,11 @@ def settings_of(rows: Sequence[Row]) -> list[Setting]:
     ]
 
 
+def arm_settings(rows: Sequence[Row]) -> list[Setting]:
+    """Return the settings with registered touches: those of the arm's errors."""
+    return [one for one in settings_of(rows) if one.registered]
+
+
 def cells_of(settings: Sequence[Setting]) -> tuple[list[str], list[list[str]]]:
     """Return the heads and the cells of the table, a line for each setting."""
     label = settings[0].shown.rows[0].label

@@ -1,6 +1,6 @@
 """Pictures and tables of docs/when-touch-helps.md, from the run folders of the studies in pcsr/recipes/touch.
 
-python benchmarks/when_touch_helps.py RUNS [-o docs/pictures] [--page docs/when-touch-helps.md]
+python benchmarks/when_touch_helps.py RUNS [-o docs/pictures] [--page docs/when-touch-helps.md] [--save]
 
 The tables are printed; `--page` also puts them into the page, between `<!-- NAME -->` and `<!-- /NAME -->`. What of the
 studies has not been run is left out, and its part of the page stays as it is.
@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import click
+from saved import save
 from touch_charts import by_distance, draw
-from touch_errors import cells_of, settings_of
+from touch_errors import arm_settings, cells_of, settings_of
 from touch_studies import BESIDE, HEADS, NETWORK, PLAIN, STUDIES, Row, around, read
 
 from pcsr.errors import PcsrError, UserError
@@ -87,7 +88,8 @@ def fill(page: str, tables: dict[str, str], source: str = "the page") -> str:
 @click.argument("runs", type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("docs/pictures"), show_default=True)
 @click.option("--page", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Put the tables into it.")
-def main(runs: Path, out: Path, page: Path | None) -> None:
+@click.option("--save", "saving", is_flag=True, help="Write the table of the arm's errors to docs/numbers/arm.json.")
+def main(runs: Path, out: Path, page: Path | None, saving: bool) -> None:
     """Print the tables of the studies in RUNS and draw their pictures."""
     try:
         studies = read(runs)
@@ -104,6 +106,8 @@ def main(runs: Path, out: Path, page: Path | None) -> None:
             click.echo(str(path))
         if page and filled:
             write_text(page, filled)
+        if saving and "sensor" in studies:
+            save("arm", "pcsr run touch/sensor", *cells_of(arm_settings(studies["sensor"])))
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
 

@@ -17,7 +17,7 @@ class RegisteredTouch:
 
     Examples:
         >>> reported = pcsr.Touch.single(np.random.default_rng(0).normal(size=(9, 3)), None, unit=1.0, sensor="digit")
-        >>> cloud = np.random.default_rng(1).normal(size=(50, 3)) + 100
+        >>> cloud = np.random.default_rng(1).normal(size=(50, 3)) * [9, 9, 0.1] - [0, 0, 50]
         >>> one = pcsr.register([reported], cloud).touches[0]
         >>> one.verdict, one.reason
         ('kept', 'no point of the cloud lies on it, so that it cannot be checked')
