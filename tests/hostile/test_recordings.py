@@ -28,7 +28,8 @@ def touched(limited, tmp_path):
     def upsample(manifest):
         text = manifest if isinstance(manifest, bytes) else json.dumps(manifest).encode()
         (tmp_path / "touches" / "touches.json").write_bytes(text)
-        command = "upsample", "in.npy", "-o", "out.npy", "--model", "midpoint", "--quiet", "--touch", "touches"
+        command = "upsample", "in.npy", "-o", "out.npy", "--model", "midpoint", "--quiet"
+        command += "--touch", "touches", "--touch-as-is"
         return limited(*command, folder=tmp_path)
 
     return upsample
