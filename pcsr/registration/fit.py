@@ -22,7 +22,6 @@ TEMPER = 0.5
 """Power of the likelihood in the weights: its approximations make errors that several points share."""
 BASIN = 30.0
 """Particles are in one basin if their squared distance, in deviations that the cloud allows, is below this."""
-
 ROUNDING = 1e-10
 """Variances are known up to this share of those of the prior."""
 
@@ -100,14 +99,15 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     widest = max(float((np.trace(precision[3:, 3:]) / 3) ** -0.5), floor)
     particles, level, freedom = _fitted(likelihood, first, precision, floor, deviation, widest, FIRST)
     logs, _, _ = _logs(likelihood, particles, prior, precision, level)
-    weights = np.exp(0.5 * (logs - logs.max()))
+    weights = np.exp(TEMPER * (logs - logs.max()))
     shares = np.cumsum(weights) / weights.sum()
     parents = np.searchsorted(shares, (np.arange(PARTICLES) + 0.5) / PARTICLES).clip(max=PARTICLES - 1)
     second = particles[parents] + _drawn(rng) @ root.T / NARROW
     more, level, freedom = _fitted(likelihood, second, precision, floor, deviation, max(widest / NARROW, level), SECOND)
     starts, particles = np.concatenate([first, second]), np.concatenate([particles, more])
     logs, informations, inverse = _logs(likelihood, particles, prior, precision, level)
-    logs += prior.log(starts) - np.logaddexp(prior.log(starts), _log_around(starts, particles[parents], root / NARROW))
+    of_prior = prior.log(starts)
+    logs += of_prior - np.logaddexp(of_prior, _log_around(starts, particles[parents], root / NARROW))
     weights = np.exp(TEMPER * (logs - logs.max()))
     weights /= weights.sum()
     best = int(weights.argmax())
@@ -116,9 +116,8 @@ def fit(likelihood: Likelihood, prior: Prior, floor: float, deviation: float | N
     mean = weights[same] @ particles[same] / weights[same].sum()
     motion, mode = modes(likelihood, mean[None], precision, floor, level, level, LAST)
     spread = inverse @ informations @ inverse  # inverse - inverse @ precision @ inverse would cancel for coarse clouds
-    jitter = np.linalg.cholesky(spread + ROUNDING * np.diag(np.diag(prior.covariance))) @ rng.normal(
-        size=(2 * PARTICLES, 6, 1)
-    )
+    least = ROUNDING * np.diag(np.diag(prior.covariance))
+    jitter = np.linalg.cholesky(spread + least) @ rng.normal(size=(2 * PARTICLES, 6, 1))
     return Posterior(motion[0], mode[0], level, freedom, particles + jitter[..., 0], weights)
 
 

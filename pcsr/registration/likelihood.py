@@ -31,7 +31,7 @@ class Terms:
     share: Float[np.ndarray, "s n"]
     """Probability that the point lies on the touched surface."""
     density: Float[np.ndarray, "s n"]
-    """Density of the point where the finger was, relative to the background elsewhere; at most 1."""
+    """Density of the point relative to the background, at most 1: low where the finger was."""
     inside: Float[np.ndarray, "s n"]
     """`share` of the points in front of or behind the contact; 0 beside it."""
     squared: Float[np.ndarray, "s n"]

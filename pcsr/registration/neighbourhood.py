@@ -34,7 +34,7 @@ class Neighbourhood:
     near: Float[np.ndarray, "n 3"]
     """Points of the cloud around the touch, in its frame."""
     spacing: float
-    """Spacing of the cloud there; of the touch if there is no cloud."""
+    """Spacing of the cloud there; 1 if it has fewer than two points there."""
     near_spacing: float
     """Spacing of `near`: larger, if these are only a part of the points there."""
 
@@ -126,7 +126,7 @@ def _make_surface(points: Float[np.ndarray, "m 3"]) -> bool:
 
 
 def _spacing(points: Float[np.ndarray, "n 3"], some: Float[np.ndarray, "k 3"]) -> float:
-    """Return the mean distance of some of the points to their nearest."""
+    """Return the median over some of the points of the mean distance to their nearest; 1 for fewer than two points."""
     if len(points) < 2:
         return 1.0
     k = min(NEAREST, len(points) - 1)

@@ -78,15 +78,22 @@ def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | No
     deviation = _pooled(first)
     frames = [carried(one.axes, one.origin) for one in around]
     used = [number for number, found in enumerate(first) if found.freedom + 3 >= FEWEST]
-    known = [likelihoods[n] for n in used], [frames[n] for n in used], stated, [floors[n] for n in used], deviation
-    arm = arm_of([first[n] for n in used], *known)
+    arm = arm_of(
+        [first[number] for number in used],
+        [likelihoods[number] for number in used],
+        [frames[number] for number in used],
+        stated,
+        [floors[number] for number in used],
+        deviation,
+    )
+    evidence = {number: index for index, number in enumerate(used)}
     results: dict[int, RegisteredTouch] = {}
     others = Overlaps()
     all_sides = shows_all_sides(cloud)
     for number in sorted(range(len(touches)), key=lambda number: -first[number].freedom):
         touch, one = touches[number], around[number]
-        likelihood = likelihoods[number] if number in used else others.around(one, likelihoods[number], margin)
-        before = arm.prior(frames[number], used.index(number) if number in used else None)
+        likelihood = likelihoods[number] if number in evidence else others.around(one, likelihoods[number], margin)
+        before = arm.prior(frames[number], evidence.get(number))
         after = fit(likelihood, before, floors[number], max(deviation, floors[number]))
         errors = point_errors(likelihood, after, one.points)
         judgement = judge(one, likelihood, before, after, errors, all_sides=all_sides)

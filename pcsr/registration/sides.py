@@ -26,8 +26,8 @@ def shows_all_sides(cloud: Float[np.ndarray, "n 3"]) -> bool:
     Args:
         cloud: points in any frame and unit.
     """
-    rows = np.sort(np.unique(cloud, axis=0, return_index=True)[1])  # in their order, whatever the frame
-    points = cloud[rows[np.random.default_rng(0).permutation(len(rows))[:POINTS]]]
+    some = cloud[np.random.default_rng(0).permutation(len(cloud))[:POINTS]]
+    points = some[np.sort(np.unique(some, axis=0, return_index=True)[1])]  # in their order, whatever the frame
     if len(points) <= NEIGHBOURS:
         return False
     distance, index = cKDTree(points).query(points, k=range(1, NEIGHBOURS + 2))
