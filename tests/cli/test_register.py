@@ -23,18 +23,6 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.fixture
-def made_by_hand(monkeypatch):
-    errors = []
-
-    def register(given, cloud, *, pose_error=None):
-        errors.append(pose_error)
-        return by_hand.registration(given)
-
-    monkeypatch.setattr(module, "register", register)
-    return errors
-
-
 def register(folder, *more):
     words = ["register", folder / "scan.ply", "--touch", folder / "touches", *more]
     return CliRunner().invoke(pcsr, [str(word) for word in words])

@@ -25,18 +25,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture
-def made_by_hand(monkeypatch):
-    errors = []
-
-    def register(given, cloud, *, pose_error=None):
-        errors.append(pose_error)
-        return by_hand.registration(given)
-
-    monkeypatch.setattr(module, "register", register)
-    return errors
-
-
 def upsample(*more, touches="touches", out="out.npy"):
     words = ["upsample", "scan.ply", "-o", out, "--model", "midpoint", "--rate", "2", *more]
     return CliRunner().invoke(pcsr, [*words, "--touch", touches] if touches else words)

@@ -87,3 +87,9 @@ def left(registered, exact):
     """Vectors from the exact points to the registered ones, of all points, in the unit of the touch."""
     one, true = registered
     return true.points @ one.motion[:3, :3].T + one.motion[:3, 3] - exact.points
+
+
+EXACT = [bumpy_touch(side) for side in SIDES]
+"""Exact touches of the bumpy sphere."""
+CLOUD = bumpy_scan()
+"""Cloud of the bumpy sphere."""

@@ -9,6 +9,8 @@ import pytest
 from pcsr import PoseError, Touch, register
 from pcsr.registration import Verdict
 from tests.registration.patches import (
+    CLOUD,
+    EXACT,
     SIDES,
     bumpy,
     bumpy_scan,
@@ -22,8 +24,6 @@ from tests.registration.patches import (
     wavy,
 )
 
-EXACT = [bumpy_touch(side) for side in SIDES]
-CLOUD = bumpy_scan()
 GOOD = [by(touch, rigid([0.5, -1, 0.5], [0.3, -0.4, 0.5])) for touch in EXACT]
 LINE = np.column_stack([np.linspace(-4, 4, 100), np.zeros(100), np.full(100, 20.0)])
 

@@ -7,9 +7,9 @@ import pytest
 
 from pcsr import PoseError, Touch, UserError, register
 from tests.registration.patches import (
+    CLOUD,
+    EXACT,
     SIDES,
-    bumpy_scan,
-    bumpy_touch,
     by,
     left,
     plate,
@@ -20,8 +20,6 @@ from tests.registration.patches import (
     wavy,
 )
 
-EXACT = [bumpy_touch(side) for side in SIDES]
-CLOUD = bumpy_scan()
 SHARED = rigid([1, -1, 0.5], [0.4, -0.5, 0.6])
 
 
