@@ -1,4 +1,4 @@
-"""`Model.upsample`, as `pcsr upsample` uses it, on parts that one camera saw: what touches of the other side are worth.
+"""`Model.upsample` on parts that one camera saw: what exact touches of the other side are worth, used as they are.
 
 python benchmarks/hidden_side.py [MODEL…] [--touches 4] [--save]
 

@@ -1,6 +1,6 @@
 """Touches of a side that no camera saw, corrected by those of the seen side: how far they are off before and after.
 
-python benchmarks/hidden_touches.py [--draws 3] [--save]
+python benchmarks/hidden_touches.py [--parts 24] [--draws 3] [--save]
 
 Test parts of `cad-parts` of 30 mm, a cloud of 512 points from one camera, two touches of the seen surface and two of
 the hidden one. All touches of a part share an error of the arm, and each has a smaller one of its own. `pcsr.register`
@@ -42,8 +42,8 @@ class Case:
     reported: Sequence[pcsr.Touch]
 
 
-def cases(draws: int) -> Iterator[Case]:
-    """The parts that have two touches of each kind, once for each draw."""
+def cases(parts: int, draws: int) -> Iterator[Case]:
+    """The test parts that have two touches of each kind, once for each draw."""
     registry = load_plugins()
     shapes = registry.get("shapes", "cad-parts")(held_out=24)
     digit = registry.get("touch", "digit")
@@ -54,7 +54,7 @@ def cases(draws: int) -> Iterator[Case]:
         shared_rotation_noise=SHARED[1],
     )
     for draw in range(draws):
-        for name in track(shapes.names("test"), f"parts, draw {draw + 1}", transient=True):
+        for name in track(shapes.names("test")[:parts], f"parts, draw {draw + 1}", transient=True):
             item = shapes.item(name)
             rng = np.random.default_rng(item_seed(draw, name))
             cloud = seen_points(item.mesh, 512, View(cameras=1), rng, name)
@@ -93,14 +93,19 @@ def off(case: Case, registration: Registration) -> np.ndarray:
 
 
 @click.command()
+@click.option("--parts", type=click.IntRange(1), default=24, show_default=True)
 @click.option("--draws", type=click.IntRange(1), default=3, show_default=True)
 @click.option("--save", "saving", is_flag=True, help="Write docs/numbers/hidden-touches.json.")
-def main(draws: int, saving: bool) -> None:
+def main(parts: int, draws: int, saving: bool) -> None:
     """Print the error of seen and of hidden touches, as reported and registered."""
     try:
-        measured = np.array([off(case, pcsr.register(case.reported, case.cloud)) for case in cases(draws)])
+        measured = np.array([off(case, pcsr.register(case.reported, case.cloud)) for case in cases(parts, draws)])
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
+    if not len(measured):
+        raise click.ClickException(
+            "no part has two touches of the seen side and two of the hidden one: take more parts"
+        )
     columns = ("touches", "reported, mm", "registered, mm", "left", "median of left", "points used")
     columns += ("of used points: reported, mm", "registered, mm", "left")
     rows = []
@@ -112,7 +117,12 @@ def main(draws: int, saving: bool) -> None:
         rows.append([f"{len(before)} {name}", *row, f"{weighted[1] / weighted[0]:.0%}"])
     show(columns, rows)
     if saving:
-        save("hidden-touches", f"python benchmarks/hidden_touches.py --draws {draws} --save", columns, rows)
+        save(
+            "hidden-touches",
+            f"python benchmarks/hidden_touches.py --parts {parts} --draws {draws} --save",
+            columns,
+            rows,
+        )
 
 
 if __name__ == "__main__":

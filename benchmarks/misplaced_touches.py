@@ -31,7 +31,7 @@ from pcsr_plugins.touch.digit.noise import Noise
 ERROR = pcsr.PoseError(position=1.0, rotation=2.0)
 SIZE, POINTS, RATE, TOUCHES = 30.0, 512, 16, 4
 CLOUD, TOUCHED, UNVIEWED, REPORT = "cloud.ply", "touches", "touches-without-view", "report.json"
-WAYS = {
+COMMANDS = {
     "without touches": (),
     "`--touch touches/ --touch-as-is`": ("--touch", TOUCHED, "--touch-as-is"),
     "`--touch touches/`": ("--touch", TOUCHED, "--touch-report", REPORT),
@@ -86,16 +86,16 @@ class Scene:
         return 1e3 * pcsr.evaluate(self.upsampled(options), self.truth, metrics="cd")["cd"]
 
 
-def rows(errors: Float[np.ndarray, "parts ways"]) -> list[list[str]]:
-    """Return a row for each way, with its change against no touches; of two parts or more."""
+def rows(errors: Float[np.ndarray, "parts commands"]) -> list[list[str]]:
+    """Return a row for each command, with its change against no touches; of two parts or more."""
     plain = errors[:, 0]
-    made = [[next(iter(WAYS)), f"{plain.mean():.3f}", "", "", ""]]
-    for way, values in zip(list(WAYS)[1:], errors.T[1:], strict=True):
+    made = [[next(iter(COMMANDS)), f"{plain.mean():.3f}", "", "", ""]]
+    for command, values in zip(list(COMMANDS)[1:], errors.T[1:], strict=True):
         change = values - plain
         deviation = change.std(ddof=1) / np.sqrt(len(change))
         mean = f"{change.mean():+.3f} ± {deviation:.3f} ({change.mean() / plain.mean():+.1%})"
         counts = (f"{some.sum()}/{len(change)}" for some in (change < 0, change > WORSE * plain))
-        made.append([way, f"{values.mean():.3f}", mean, *counts])
+        made.append([command, f"{values.mean():.3f}", mean, *counts])
     return made
 
 
@@ -125,7 +125,7 @@ def main(names: Sequence[str], parts: int, seed: int, keep: Path | None, picture
             raise click.ClickException(str(error)) from error
     if not measured:
         raise click.ClickException("no part could be touched: name others")
-    show(("part", *WAYS), [[name, *(f"{value:.3f}" for value in values)] for name, values in measured.items()])
+    show(("part", *COMMANDS), [[name, *(f"{value:.3f}" for value in values)] for name, values in measured.items()])
     if len(measured) == 1:
         return
     table = rows(np.array(list(measured.values())))
@@ -136,7 +136,7 @@ def main(names: Sequence[str], parts: int, seed: int, keep: Path | None, picture
 
 
 def _measured(names: Sequence[str], parts: int, folder: Path, seed: int) -> dict[str, list[float]]:
-    """Return the errors of each part, in the order of `WAYS`, without parts that cannot be touched."""
+    """Return the errors of each part, in the order of `COMMANDS`, without parts that cannot be touched."""
     measured: dict[str, list[float]] = {}
     for name in track(names[:parts], "parts", transient=True):
         try:
@@ -144,7 +144,7 @@ def _measured(names: Sequence[str], parts: int, folder: Path, seed: int) -> dict
         except UserError as error:
             click.echo(f"left out: {error}", err=True)
             continue
-        measured[name] = [scene.error(options) for options in WAYS.values()]
+        measured[name] = [scene.error(options) for options in COMMANDS.values()]
     return measured
 
 

@@ -21,7 +21,7 @@ PART = "test/bolt/0000"
 def test_misplaced_touches_harm_as_reported_and_help_when_registered(tmp_path):
     scene = script.Scene.write(PART, tmp_path, seed=0)
     assert read(tmp_path / "touches").pose_error == PoseError(1.0, 2.0)
-    plain, reported, registered = (scene.error(options) for options in list(script.WAYS.values())[:3])
+    plain, reported, registered = (scene.error(options) for options in list(script.COMMANDS.values())[:3])
     assert registered < 0.9 * plain < plain < 0.9 * reported
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert [one["verdict"] for one in report["touches"]].count("refused") < 4

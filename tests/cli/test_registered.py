@@ -30,12 +30,12 @@ def upsample(*more, touches="touches", out="out.npy"):
     return CliRunner().invoke(pcsr, [*words, "--touch", touches] if touches else words)
 
 
-WAYS = pytest.mark.parametrize("way", [[], ["--stream"]])
+STREAMED = pytest.mark.parametrize("options", [[], ["--stream"]])
 
 
-@WAYS
-def test_a_table_says_what_became_of_the_touches(folder, made_by_hand, way):
-    done = upsample("--touch-report", "report.json", *way)
+@STREAMED
+def test_a_table_says_what_became_of_the_touches(folder, made_by_hand, options):
+    done = upsample("--touch-report", "report.json", *options)
     assert done.exit_code == 0, done.output
     assert done.stdout == ""
     rows = [line.split() for line in done.stderr.splitlines()]
@@ -54,22 +54,22 @@ def test_the_touches_are_used_as_in_python(folder, made_by_hand):
     np.testing.assert_array_equal(read_points(folder / "out.npy"), dense)
 
 
-@WAYS
-def test_touches_as_they_are_give_what_arrays_give(folder, monkeypatch, way):
+@STREAMED
+def test_touches_as_they_are_give_what_arrays_give(folder, monkeypatch, options):
     monkeypatch.setattr(module, "register", None)
-    done = upsample("--touch-as-is", *way)
+    done = upsample("--touch-as-is", *options)
     assert done.exit_code == 0, done.output
     assert "verdict" not in done.output
-    if not way:
+    if not options:
         arrays = [one.points for one in by_hand.touches()]
         dense = load("midpoint").upsample(read_points(folder / "scan.ply"), arrays, rate=2)
         np.testing.assert_array_equal(read_points(folder / "out.npy"), dense)
 
 
-@WAYS
-def test_exact_poses_give_the_bytes_of_touches_as_they_are(folder, way):
-    assert upsample("--touch-as-is", *way, out="trusted.npy").exit_code == 0
-    assert upsample("--pose-error", "0,0", *way).exit_code == 0
+@STREAMED
+def test_exact_poses_give_the_bytes_of_touches_as_they_are(folder, options):
+    assert upsample("--touch-as-is", *options, out="trusted.npy").exit_code == 0
+    assert upsample("--pose-error", "0,0", *options).exit_code == 0
     assert (folder / "out.npy").read_bytes() == (folder / "trusted.npy").read_bytes()
 
 
