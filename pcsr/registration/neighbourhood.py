@@ -15,8 +15,18 @@ NEAREST = 4
 """Number of neighbours by which the spacing of the cloud is measured."""
 FEWEST = 4
 """Smallest number of points that make a surface."""
+PROJECTION = np.array([1.0, 2**0.5, 3**0.5])
+"""Axis along which copies are sought: sorting numbers is faster than sorting points."""
 LINE = 0.01
 """Points lie on a line if their extent across it is smaller, as a share of that along it."""
+
+
+def distinct(cloud: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
+    """Return the points of a cloud without copies, in their order."""
+    if len(np.unique(cloud @ PROJECTION)) == len(cloud):  # copies have the same projection
+        return cloud
+    kept: Float[np.ndarray, "k 3"] = cloud[np.sort(np.unique(cloud, axis=0, return_index=True)[1])]
+    return kept
 
 
 @dataclass(frozen=True)
@@ -49,7 +59,7 @@ class Neighbourhood:
 
         Args:
             touch: the touch.
-            cloud: points in the frame and unit of the touch.
+            cloud: distinct points in the frame and unit of the touch.
             centre: centroid of the cloud.
             margin: distance from the touch up to which the cloud is looked at, in millimetres.
         """
@@ -79,20 +89,21 @@ class Neighbourhood:
         away = np.linalg.norm(near, axis=1)
         order = np.argsort(away, kind="stable")
         near = near[order[away[order] <= radius]]
-        some = near
-        if len(near) > AROUND:
-            some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
-        spacing = _spacing(near, some)
-        thinned = spacing * float(np.sqrt(len(near) / len(some))) if len(some) else spacing
+        if len(near) <= AROUND:
+            spacing = _spacing(cKDTree(near), near)
+            return cls(points, origin, axes, tuple(surfaces), near, spacing, spacing)
+        some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
+        spacing = _spacing(cloud, middle + some @ axes.T / touch.unit) * touch.unit
+        thinned = spacing * float(np.sqrt(len(near) / len(some)))
         return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned)
 
 
 def _within(
     cloud: cKDTree, centre: Float[np.ndarray, "3"], radius: float, axes: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the points of the cloud in a ball, each once, along axes at its centre."""
+    """Return the points of the cloud in a ball, along axes at its centre."""
     rows = np.asarray(cloud.query_ball_point(centre, radius * (1 + 1e-9)), np.int64)
-    found: Float[np.ndarray, "n 3"] = (np.unique(cloud.data[rows], axis=0) - centre) @ axes
+    found: Float[np.ndarray, "n 3"] = (cloud.data[rows] - centre) @ axes
     return found
 
 
@@ -125,9 +136,9 @@ def _make_surface(points: Float[np.ndarray, "m 3"]) -> bool:
     return bool(short > LINE**2 * long)
 
 
-def _spacing(points: Float[np.ndarray, "n 3"], some: Float[np.ndarray, "k 3"]) -> float:
-    """Return the median over some of the points of the mean distance to their nearest; 1 for fewer than two points."""
-    if len(points) < 2:
+def _spacing(cloud: cKDTree, points: Float[np.ndarray, "k 3"]) -> float:
+    """Return the median over some points of a cloud of the mean distance to their nearest; 1 for a cloud of one."""
+    if cloud.n < 2:
         return 1.0
-    k = min(NEAREST, len(points) - 1)
-    return float(np.median(cKDTree(points).query(some, k=range(2, k + 2))[0].mean(1)))
+    k = min(NEAREST, cloud.n - 1)
+    return float(np.median(cloud.query(points, k=range(2, k + 2))[0].mean(1)))

@@ -16,7 +16,7 @@ from pcsr.registration.consensus import arm_of
 from pcsr.registration.fit import Posterior, Prior, fit
 from pcsr.registration.likelihood import Likelihood
 from pcsr.registration.motions import carried, isotropic, matrix
-from pcsr.registration.neighbourhood import Neighbourhood
+from pcsr.registration.neighbourhood import Neighbourhood, distinct
 from pcsr.registration.overlaps import Overlaps
 from pcsr.registration.point_errors import point_errors
 from pcsr.registration.records import RegisteredTouch, Registration
@@ -67,10 +67,11 @@ def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | No
     touches, cloud, error = checked(touches, cloud, pose_error)
     if error.exact or not touches:
         return _unmoved(touches)
+    cloud = distinct(cloud)
     centre = cloud.mean(0)
     margin = REACH * error.position + BESIDE
     stated = isotropic(max(error.position, LEAST_POSITION), np.radians(max(error.rotation, LEAST_ROTATION)))
-    tree = cKDTree(cloud)
+    tree = cKDTree(cloud, balanced_tree=False)
     around = [Neighbourhood.of(touch, tree, centre, margin) for touch in touches]
     likelihoods = [_likelihood(one, margin) for one in around]
     floors = [max(FLOOR, one.noise, FLOOR_SHARE * one.spacing) for one in around]

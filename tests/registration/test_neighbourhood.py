@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from pcsr import Touch
-from pcsr.registration.neighbourhood import AROUND, Neighbourhood
+from pcsr.registration.neighbourhood import AROUND, Neighbourhood, distinct
 from tests.registration.patches import by, plate, pressed, rigid, scan, wavy
 
 MOVE = rigid([20, -40, 70], [5, -3, 8])
@@ -46,9 +46,15 @@ def test_of_a_dense_cloud_some_points_are_looked_at():
 
 def test_repeated_points_count_once():
     cloud = scan(wavy)
-    once, twice = of(pressed(wavy), cloud), of(pressed(wavy), np.repeat(cloud, 2, axis=0))
+    once, twice = of(pressed(wavy), cloud), of(pressed(wavy), distinct(np.repeat(cloud, 2, axis=0)))
     np.testing.assert_allclose(once.near, twice.near, atol=1e-9)
     assert once.spacing == pytest.approx(twice.spacing)
+
+
+def test_points_without_copies_keep_their_order():
+    cloud = scan(wavy)
+    assert distinct(cloud) is cloud
+    np.testing.assert_array_equal(distinct(np.concatenate([cloud, cloud[::-1]])), cloud)
 
 
 def test_axes_without_a_pose_follow_the_points():
