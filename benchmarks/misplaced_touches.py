@@ -30,7 +30,8 @@ from pcsr_plugins.touch.digit.noise import Noise
 
 ERROR = pcsr.PoseError(position=1.0, rotation=2.0)
 SIZE, POINTS, RATE, TOUCHES = 30.0, 512, 16, 4
-CLOUD, TOUCHED, UNVIEWED, REPORT = "cloud.ply", "touches", "touches-without-view", "report.json"
+MESH, CLOUD, REPORT = "part.stl", "cloud.ply", "report.json"
+TOUCHED, UNVIEWED = "touches", "touches-without-view"
 COMMANDS = {
     "without touches": (),
     "`--touch touches/ --touch-as-is`": ("--touch", TOUCHED, "--touch-as-is"),
@@ -54,7 +55,7 @@ class Scene:
 
     @classmethod
     def write(cls, part: str, folder: Path, seed: int) -> "Scene":
-        """Write the cloud and the recording of a part.
+        """Write the mesh, the cloud and the recordings of a part.
 
         Raises:
             UserError: the part cannot be touched.
@@ -65,6 +66,7 @@ class Scene:
         noise = Noise(position_noise=ERROR.position, rotation_noise=ERROR.rotation)
         touches = Digit(object_size=SIZE, noise=noise).touches(item, cloud, TOUCHES, seed)
         folder.mkdir(parents=True, exist_ok=True)
+        item.mesh.export(folder / MESH)
         write_points(folder / CLOUD, cloud)
         unviewed = [replace(touch, view=None) for touch in touches]
         for name, some in ((TOUCHED, touches), (UNVIEWED, unviewed)):

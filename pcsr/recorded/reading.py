@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from pcsr.clouds.formats import read_points
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
@@ -18,24 +16,18 @@ from pcsr.files import inside
 from pcsr.inputs import read_bytes
 from pcsr.limits import LARGEST_JSON, MOST_FINGERS, MOST_TOUCHED_POINTS, MOST_TOUCHES
 from pcsr.recorded import layouts
-from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
+from pcsr.recorded.fingers import finger_touch
 from pcsr.recorded.manifest import (
-    CloudEntry,
-    DepthEntry,
     Entry,
     GraspEntry,
-    HeightEntry,
     LayoutManifest,
     RecordingManifest,
     check_entry,
     checked,
 )
 from pcsr.recorded.pickles.unpickle import load_numpy
-from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 MANIFEST = "touches.json"
-WIDER = 1.5
-"""A touch may be this many times as wide as what its sensor sees."""
 MOST_REASONS = 20
 """Greatest number of reasons in the message about a recording of which no touch is usable; further ones are counted."""
 
@@ -200,7 +192,7 @@ def _name(value: Any) -> str | None:
 def _touch(folder: Path, recorded: RecordingManifest, entry: Entry | GraspEntry, place: str) -> Touch:
     if isinstance(entry, Entry):
         try:
-            return _finger(folder, recorded, entry)
+            return finger_touch(folder, recorded, entry)
         except UserError as error:
             raise UserError(f"{MANIFEST}: {place}: {error}") from error
     fingers = []
@@ -227,80 +219,3 @@ def _touch(folder: Path, recorded: RecordingManifest, entry: Entry | GraspEntry,
         touch = replace(touch, points=touch.points[order], finger=touch.finger[order])
     area = touch.contact_area if entry.contact_area is None else entry.contact_area
     return replace(touch, contact_area=area, sensor=entry.sensor or touch.sensor)
-
-
-def _finger(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
-    pose = None
-    if entry.pose is not None:
-        pose = sensor_to_object(entry.pose, recorded.unit, recorded.object_unit, recorded.object_pose)
-    sensor = entry.sensor or recorded.sensor
-    # The axes "-z" are pcsr's own. Multiplying by the identity could change the sign of a zero.
-    sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ rotation_from(recorded.axes)
-    if isinstance(entry, CloudEntry):
-        points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
-        points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
-        _check_view(points, sensor_pose, entry.view)
-        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
-    if sensor_pose is None:
-        raise UserError("pose is missing: an image is in the frame of the sensor; add it")
-    touched, area, view = _contact(folder, entry)
-    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
-
-
-def _check_view(
-    points: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "4 4"] | None, view: tuple[float, float] | None
-) -> None:
-    """Check that a sensor sees what it touched.
-
-    Raises:
-        UserError: the points are far wider than the view.
-    """
-    if view is None or pose is None or len(points) == 0:
-        return
-    width, height = np.ptp(transformed(np.linalg.inv(pose), points)[:, :2], axis=0)
-    if width > WIDER * view[0] or height > WIDER * view[1]:
-        raise UserError(
-            f"view: the sensor sees {view[0]:.4g} × {view[1]:.4g} mm, but its points are {width:.4g} × {height:.4g} mm "
-            f"wide: give the sides of what it sees in millimetres, along x and y of the sensor"
-        )
-
-
-def _in_object(
-    points: Float[np.ndarray, "n 3"], unit: float, recorded: RecordingManifest, pose: Float[np.ndarray, "4 4"] | None
-) -> Float[np.ndarray, "n 3"]:
-    """Convert the points of a cloud to the object's frame and unit."""
-    if recorded.frame == "object":
-        return points if unit == recorded.object_unit else points * (unit / recorded.object_unit)
-    if pose is None:
-        raise UserError("pose is missing: the cloud is in the sensor's frame; add it")
-    return transformed(pose, points * unit)
-
-
-def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float, tuple[float, float] | None]:
-    """Return the contact points of an image, in pcsr's sensor frame, the contact area in mm², and the sensor's view.
-
-    The view is None where the gel may be curved, as one with a background, or where a mask hides a part of it.
-    """
-    if isinstance(entry, HeightEntry):
-        height = read_image(inside(folder, entry.height)) * entry.mm_per_level
-        background = _optional(folder, entry.background, height, "background")
-        mask = _optional(folder, entry.mask, height, "mask")
-        height = height if background is None else height - background * entry.mm_per_level
-        indentation = height if entry.indentation == "positive" else -height
-        contact = (indentation > entry.contact_above) & (True if mask is None else mask != 0)
-        flat = background is None and mask is None
-        rows, columns = height.shape
-        view = (columns * entry.mm_per_pixel, rows * entry.mm_per_pixel) if flat else None
-        return *height_contact(indentation, entry.mm_per_pixel, contact), view
-    assert isinstance(entry, DepthEntry)
-    depth = read_image(inside(folder, entry.depth)) * entry.unit
-    background = _optional(folder, entry.background, depth, "background")
-    rest = entry.face if background is None else background * entry.unit
-    contact = np.isfinite(rest) & (rest - depth > entry.contact_above)
-    return *depth_contact(depth, entry.intrinsics, entry.face, contact), None
-
-
-def _optional(folder: Path, name: str | None, image: np.ndarray, role: str) -> np.ndarray | None:
-    other = None if name is None else read_image(inside(folder, name))
-    same_size(image, other, role)
-    return other
