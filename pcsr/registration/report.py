@@ -16,6 +16,9 @@ HEADS = ("touch", "verdict", "moved mm", "turned °", "support", "error mm", "re
 """Heads of the table."""
 NUMBERS = frozenset(HEADS[2:6])
 """Those of numbers."""
+FARTHER = 12.6
+"""Squared distance in deviations from which on an offset differs from 0: the 0.95 quantile of the χ² distribution with
+6 degrees of freedom."""
 UNITS = {
     "motion": "rigid motion of points in the frame and unit of the cloud, from reported to corrected points",
     "covariance": "rotation vector about the centroid of the touch's points in radians, then translation in the unit "
@@ -91,11 +94,11 @@ def sentences(registration: Registration, cloud: Float[np.ndarray, "n 3"], unit:
         cloud: the points that the touches were registered to.
         unit: unit of the cloud in millimetres.
     """
+    centre = cloud.mean(0)
+    shift, turned = displacement(registration.offset, centre), turn(registration.offset)
     said = ["the touches share no offset that differs from 0"]
-    if not np.array_equal(registration.offset, np.eye(4)):
-        centre = cloud.mean(0)
-        x, y, z = displacement(registration.offset, centre) * unit
-        a, b, c = turn(registration.offset)
+    if _differs(np.concatenate([np.radians(turned), shift]), registration.offset_covariance):
+        (x, y, z), (a, b, c) = shift * unit, turned
         deviation = np.sqrt(np.diag(registration.offset_covariance).clip(0))
         said = [
             f"all touches share an offset of {x:z.3f} {y:z.3f} {z:z.3f} mm and {a:z.3f} {b:z.3f} {c:z.3f} degrees: "
@@ -108,6 +111,13 @@ def sentences(registration: Registration, cloud: Float[np.ndarray, "n 3"], unit:
         f"position error of the reported poses: {registration.shared_error:.2g} mm that all touches share, "
         f"{registration.private_error:.2g} mm of each touch by itself",
     ]
+
+
+def _differs(motion: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> bool:
+    """Return whether a motion differs from none by more than its error explains."""
+    if not motion.any():
+        return False
+    return bool(motion @ np.linalg.pinv(covariance, hermitian=True) @ motion > FARTHER or not covariance.any())
 
 
 def document(names: Sequence[str], reported: Sequence[Touch], registration: Registration) -> dict[str, Any]:

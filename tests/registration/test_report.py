@@ -69,8 +69,15 @@ def test_the_shared_offset_is_said_in_millimetres(unit):
 
 
 def test_an_offset_that_is_rounded_to_0_has_no_sign():
-    found = replace(registration(touches()), offset=motion(0, [-1e-5, 0.1, -1e-5]))
-    assert "an offset of 0.000 0.100 0.000 mm and 0.000 0.000 0.000 degrees" in sentences(found, scan(), 1.0)[0]
+    found = replace(registration(touches()), offset=motion(0, [-1e-5, 0.3, -1e-5]))
+    assert "an offset of 0.000 0.300 0.000 mm and 0.000 0.000 0.000 degrees" in sentences(found, scan(), 1.0)[0]
+
+
+@pytest.mark.parametrize(("millimetres", "said"), [(0.17, "no offset"), (0.18, "an offset of 0.180 0.000 0.000 mm")])
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_an_offset_within_its_error_is_none(millimetres, said, unit):
+    found = replace(registration(touches(unit)), offset=motion(0, [millimetres, 0, 0], unit))
+    assert said in sentences(found, scan() / unit, unit)[0], "its deviation is 0.05 mm: 3.55 of them are the limit"
 
 
 def test_no_offset_is_said_too():
