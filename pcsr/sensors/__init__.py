@@ -7,6 +7,7 @@ from pcsr.sensors.gels import GELS, Gel, gel
 from pcsr.sensors.images import read_rgb
 from pcsr.sensors.presses import PressImage
 from pcsr.sensors.reading import Reading
+from pcsr.sensors.shading import ball_indentation, shaded
 
 __all__ = [
     "GELS",
@@ -17,8 +18,10 @@ __all__ = [
     "PressFigures",
     "PressImage",
     "Reading",
+    "ball_indentation",
     "calibrate",
     "gel",
     "median_background",
     "read_rgb",
+    "shaded",
 ]

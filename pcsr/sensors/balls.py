@@ -29,7 +29,7 @@ def voted_centre(
 ) -> Float[np.ndarray, "2"]:
     """Return the median of the ball's centres that the slope of each pixel in contact implies."""
     sine = slopes / np.sqrt(1 + (slopes**2).sum(1, keepdims=True))
-    votes: Float[np.ndarray, "2"] = np.median(np.stack([columns, rows], axis=-1) + radius * sine, axis=0)
+    votes: Float[np.ndarray, 2] = np.median(np.stack([columns, rows], axis=-1) + radius * sine, axis=0)
     return votes
 
 

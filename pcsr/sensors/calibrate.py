@@ -9,11 +9,11 @@ from jaxtyping import Float
 from pcsr.errors import UserError
 from pcsr.sensors.calibration import Calibration, coarse
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
-from pcsr.sensors.fitting import Fit, Place, fit, located
+from pcsr.sensors.fitting import Fit, Place, fit
 from pcsr.sensors.gels import Gel
 from pcsr.sensors.held_out import measured
-from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
 from pcsr.sensors.images import Image
+from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
 
 FEWEST = 5
 """Least number of usable presses."""
@@ -99,9 +99,7 @@ def calibrate(
 
     def made(fitted: Fit, figures: Figures) -> Calibration:
         rows, columns = background.shape[:2]
-        return Calibration(
-            sensor, gel, columns, rows, mm_per_pixel, fitted.coefficients, figures, coarse(background)
-        )
+        return Calibration(sensor, gel, columns, rows, mm_per_pixel, fitted.coefficients, figures, coarse(background))
 
     progress(1, 1 + len(folds))
     results = list(_measured(made(whole, NO_FIGURES), held, refused))
@@ -158,8 +156,8 @@ def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
         elif place.residual > max(ODD * usual, ODD_ANGLE):
             reasons[press.name] = (
                 f"its slopes deviate by {np.degrees(place.residual):.0f} degrees from those of a ball of "
-                f"{press.diameter:g} mm, and the others' by {np.degrees(usual):.0f}: it shows something else, or a ball "
-                f"of another diameter"
+                f"{press.diameter:g} mm, and the others' by {np.degrees(usual):.0f}: it shows something else, or a "
+                f"ball of another diameter"
             )
     return reasons
 

@@ -38,7 +38,7 @@ def colour_change(image: Image, background: Image) -> Float[np.ndarray, "rows co
         raise UserError(f"it has {sizes[0]} pixels, but its background {sizes[1]}: use images of one size")
     _check_exposure(background, "its background")
     _check_exposure(image, "it")
-    change = np.subtract(image, background, dtype=np.float64)
+    change: Float[np.ndarray, "rows columns 3"] = np.subtract(image, background, dtype=np.float64)
     change -= [_median(image[..., k].astype(np.int16) - background[..., k]) for k in range(3)]
     change *= 100 / np.maximum(background, DARKEST)
     if (strength(change) > 3 * UNCHANGED).mean() > EVERYWHERE:
@@ -59,7 +59,8 @@ def changed(change: Float[np.ndarray, "rows columns 3"]) -> Bool[np.ndarray, "ro
 def strength(change: Float[np.ndarray, "rows columns 3"]) -> Float[np.ndarray, "rows columns"]:
     """Return the greatest change of the three colours at each pixel."""
     red, green, blue = (np.abs(change[..., k]) for k in range(3))  # much faster than a maximum along the last axis
-    return np.maximum(np.maximum(red, green, out=red), blue, out=red)
+    greatest: Float[np.ndarray, "rows columns"] = np.maximum(np.maximum(red, green), blue)
+    return greatest
 
 
 def _median(levels: np.ndarray) -> float:

@@ -1,8 +1,8 @@
 """Fit of a calibration: slopes, and where in its image each ball lies.
 
-Nothing is labelled by hand. From the middle of each changed region on, the polynomials are fitted to the slopes that the
-balls have there, and then each ball is moved to where the fitted slopes say it is; both are repeated. The slopes within a
-contact depend on the place of the ball's centre alone, not on how deep it is pressed.
+Nothing is labelled by hand. From the middle of each changed region on, the polynomials are fitted to the slopes that
+the balls have there, and then each ball is moved to where the fitted slopes say it is; both are repeated. The slopes
+within a contact depend on the position of the ball's centre alone, not on how deep it is pressed.
 """
 
 from collections.abc import Sequence
@@ -102,9 +102,7 @@ def located(
     return Place(centre, rim, residual)
 
 
-def _inside(
-    press: Press, centre: Float[np.ndarray, "2"], rim: float
-) -> tuple[np.ndarray, Float[np.ndarray, "m 2"]]:
+def _inside(press: Press, centre: Float[np.ndarray, "2"], rim: float) -> tuple[np.ndarray, Float[np.ndarray, "m 2"]]:
     """Return the mask of the pixels well within the contact, and the ball's slopes there."""
     inner = np.hypot(press.columns - centre[0], press.rows - centre[1]) < INNER * min(rim, RIM[1] * press.ball)
     return inner, ball_slopes(press.columns[inner], press.rows[inner], centre, press.ball)

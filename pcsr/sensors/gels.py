@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.errors import UserError, did_you_mean
+from pcsr.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,7 @@ class Gel:
             return None
         return self.dome if columns >= rows else (self.dome[1], self.dome[0])
 
-    def sag(
-        self, points: Float[np.ndarray, "n 2"], columns: int = 1, rows: int = 1
-    ) -> Float[np.ndarray, " n"]:
+    def sag(self, points: Float[np.ndarray, "n 2"], columns: int = 1, rows: int = 1) -> Float[np.ndarray, " n"]:
         """Compute how far the untouched face lies behind its centre.
 
         Args:

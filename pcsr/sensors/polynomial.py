@@ -29,7 +29,10 @@ EXPONENTS: Int[np.ndarray, "k 5"] = np.array(
 
 
 def monomials(
-    change: Float[np.ndarray, "n 3"], rows: Float[np.ndarray, " n"], columns: Float[np.ndarray, " n"], size: tuple[int, int]
+    change: Float[np.ndarray, "n 3"],
+    rows: Float[np.ndarray, " n"],
+    columns: Float[np.ndarray, " n"],
+    size: tuple[int, int],
 ) -> Float[np.ndarray, "n k"]:
     """Evaluate each monomial at pixels.
 
@@ -52,9 +55,7 @@ def monomials(
     return found.T
 
 
-def slopes(
-    monomials: Float[np.ndarray, "n k"], coefficients: Float[np.ndarray, "k 2"]
-) -> Float[np.ndarray, "n 2"]:
+def slopes(monomials: Float[np.ndarray, "n k"], coefficients: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, "n 2"]:
     """Return the slopes along x (columns) and y (rows) of the indentation, as tangents."""
     angles = np.clip(monomials @ coefficients, -STEEPEST, STEEPEST)
     tangents: Float[np.ndarray, "n 2"] = np.tan(angles)

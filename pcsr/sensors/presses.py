@@ -103,8 +103,9 @@ def cut_off(press: Press, centre: Float[np.ndarray, "2"], rim: float) -> bool:
 
 
 def spread(centres: Float[np.ndarray, "n 2"], count: int) -> list[int]:
-    """Return the indices of presses that are spread over the gel: the most central one, then each farthest from all
-    before it.
+    """Return the indices of presses that are spread over the gel.
+
+    The first is the most central one, and each further one is the farthest from all before it.
     """
     chosen = [int(np.argmin(np.linalg.norm(centres - centres.mean(0), axis=1)))]
     while len(chosen) < min(count, len(centres)):

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 class Reading:
     """Indentation of a gel, and the points in contact with it. Lengths are in millimetres.
 
-    The sensor's frame has its origin at the centre of the untouched gel's face, x to the right of the image, y up, and z
-    out of the object into the gel.
+    The sensor's frame has its origin at the centre of the untouched gel's face, x to the right of the image, y up, and
+    z out of the object into the gel.
     """
 
     indentation: Float[np.ndarray, "rows columns"]
