@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pcsr.recorded.fields import UNITS
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
+from pcsr.recorded.manifest import GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
 from pcsr.recorded.pose import rotation_from, sensor_to_object
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recorded.md").read_text(encoding="utf-8")

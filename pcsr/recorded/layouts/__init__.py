@@ -6,8 +6,9 @@ from typing import Any
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
+from pcsr.recorded.fields import Strict
 from pcsr.recorded.layouts import gsrobotics, normalflow, pterotactyl, smith_2020, ycb_slide
-from pcsr.recorded.manifest import Strict, checked
+from pcsr.recorded.manifest import checked
 from pcsr.validation_messages import shown
 
 Read = Callable[[Path, Any], Iterator[tuple[str, Touch | str]]]

@@ -13,8 +13,9 @@ from jaxtyping import Float
 from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.recorded.manifest import Axis, Length, NotNegative, Pose, Positive, Sign, Strict
+from pcsr.recorded.fields import Axis, Length, NotNegative, Positive, Sign, Strict
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
+from pcsr.recorded.pose_models import Pose
 
 
 class Options(Strict):

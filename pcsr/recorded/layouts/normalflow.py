@@ -18,10 +18,11 @@ from pcsr.errors import UserError
 from pcsr.files import inside
 from pcsr.inputs import check_file
 from pcsr.limits import MOST_PIXELS
+from pcsr.recorded.fields import Length, Positive, Strict
 from pcsr.recorded.images import height_contact
 from pcsr.recorded.layouts.arrays import METRE
-from pcsr.recorded.manifest import Length, Pose, Positive, Strict
 from pcsr.recorded.pose import check_matrix, offset_z, rotation_from, sensor_to_object, transformed
+from pcsr.recorded.pose_models import Pose
 from pcsr.sensors.integration import integrated
 
 

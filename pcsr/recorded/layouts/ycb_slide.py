@@ -17,9 +17,10 @@ from pydantic import Field, model_validator
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.files import inside
+from pcsr.recorded.fields import Strict
 from pcsr.recorded.images import depth_contact, read_image, same_size
 from pcsr.recorded.layouts.arrays import METRE, numbers
-from pcsr.recorded.manifest import Intrinsics, Strict
+from pcsr.recorded.manifest import Intrinsics
 from pcsr.recorded.pickles.unpickle import load_numpy, load_pickle
 from pcsr.recorded.pose import check_matrix, in_object, offset_z, pose_from_7_vector, transformed
 
