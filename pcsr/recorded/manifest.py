@@ -8,6 +8,7 @@ from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION, PoseError
 from pcsr.errors import UserError
 from pcsr.recorded.fields import Axis, Length, NotNegative, Positive, Sign, Strict
 from pcsr.recorded.pose_models import EulerPose, MatrixPose, Pose, QuaternionPose
+from pcsr.sensors.foreign_heights import Integration
 from pcsr.validation_messages import described
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -44,9 +45,22 @@ class HeightEntry(Entry):
     mm_per_level: Positive
     mm_per_pixel: Positive
     indentation: Sign
-    contact_above: NotNegative
+    contact_above: NotNegative | None = None
+    """Indentation above which a pixel is in contact, in mm. None: `pcsr.sensors.contact` finds the contact."""
     background: str | None = None
+    rest: float | None = None
+    """Height of the untouched gel in mm, instead of a background."""
     mask: str | None = None
+    integration: Integration = "exact"
+    """Program that integrated the heights, if they have to be corrected."""
+
+    @model_validator(mode="after")
+    def _one_level(self) -> "HeightEntry":
+        if self.rest is not None and self.background is not None:
+            raise ValueError("rest and background are both heights of the untouched gel: give one of them")
+        if self.rest is not None and self.integration != "exact":
+            raise ValueError(f"the heights of {self.integration} have no level, so rest has no meaning: leave it out")
+        return self
 
 
 class Intrinsics(Strict):
@@ -66,7 +80,8 @@ class DepthEntry(Entry):
     intrinsics: Intrinsics
     face: Positive
     """Distance from the camera to the gel's face, in mm."""
-    contact_above: NotNegative
+    contact_above: NotNegative | None = None
+    """Indentation above which a pixel is in contact, in mm. None: `pcsr.sensors.contact` finds the contact."""
     background: str | None = None
 
 
