@@ -10,7 +10,7 @@ from pcsr.recorded.images import depth_contact, height_contact, read_image, same
 from pcsr.recorded.likely_mistakes import check_coverage, check_sign, check_width
 from pcsr.recorded.manifest import DepthEntry, HeightEntry
 from pcsr.sensors.contact import CONTACT_SHARE, in_contact
-from pcsr.sensors.foreign_heights import corrected
+from pcsr.sensors.foreign_heights import Integration, corrected
 
 LEAST = 0.05
 """Indentation in mm up to which a gel counts as untouched, unless a threshold is given."""
@@ -32,21 +32,69 @@ def height_touch(folder: Path, entry: HeightEntry, sensor: str) -> Contact:
     height = read_image(inside(folder, entry.height)) * entry.mm_per_level
     background = _optional(folder, entry.background, height, "background")
     mask = _optional(folder, entry.mask, height, "mask")
-    rows, columns = height.shape
-    check_width(columns, rows, entry.mm_per_pixel)
     height -= (entry.rest or 0.0) if background is None else background * entry.mm_per_level
-    indentation = corrected(height, entry.integration) * (1 if entry.indentation == "positive" else -1)
-    if entry.integration != "exact":
-        indentation -= untouched(indentation)
+    indentation = levelled(height if entry.indentation == "positive" else -height, entry.integration)
+    known = not (background is None and entry.rest is None and entry.integration == "exact")
+    points, area, view = indented(
+        indentation,
+        entry.mm_per_pixel,
+        sensor,
+        contact_above=entry.contact_above,
+        mask=mask,
+        level_known=known,
+        cause=f"heights in pixels take mm_per_level {entry.mm_per_pixel:g}, the mm_per_pixel; correct mm_per_level or "
+        f"rest",
+    )
+    return points, area, view if background is None else None
+
+
+def levelled(indentation: Float[np.ndarray, "h w"], integration: Integration) -> Float[np.ndarray, "h w"]:
+    """Correct indentations for the integration of a program, and measure them from the untouched gel.
+
+    That is taken as the median of the pixels without contact. Indentations that are exact stay as they are.
+    """
+    if integration == "exact":
+        return indentation
+    to_scale = corrected(indentation, integration)
+    contact = in_contact(to_scale - np.median(to_scale))
+    measured: Float[np.ndarray, "h w"] = to_scale - np.median(to_scale[~contact])
+    return measured
+
+
+def indented(
+    indentation: Float[np.ndarray, "h w"],
+    mm_per_pixel: float,
+    sensor: str,
+    *,
+    contact_above: float | None = None,
+    mask: np.ndarray | None = None,
+    level_known: bool = True,
+    cause: str = "correct mm_per_pixel",
+) -> Contact:
+    """Return the contact of a gel that is indented so far.
+
+    Args:
+        indentation: indentation at each pixel, in mm.
+        mm_per_pixel: side of a pixel.
+        sensor: name of the sensor.
+        contact_above: threshold in mm; None for the rule of `touching`.
+        mask: image that is 0 where pixels do not count.
+        level_known: whether the indentation is known to be 0 where the gel is untouched.
+        cause: likely cause of an indentation that is too large, and its remedy, for the message.
+
+    Raises:
+        UserError: nothing is in contact, or the indentation is likely wrong.
+    """
+    rows, columns = indentation.shape
+    check_width(columns, rows, mm_per_pixel)
     counted = indentation if mask is None else np.where(mask != 0, indentation, np.nan)
     check_sign(counted)
-    contact = touching(counted, entry.contact_above)
-    levelled = not (background is None and mask is None and entry.rest is None and entry.integration == "exact")
-    if not levelled:
+    contact = touching(counted, contact_above)
+    if mask is None and not level_known:
         check_coverage(contact)
-    whole = background is None and mask is None and _is_all(counted, contact)
-    view = (columns * entry.mm_per_pixel, rows * entry.mm_per_pixel) if whole else None
-    return *height_contact(indentation, entry.mm_per_pixel, contact, sensor), view
+    points, area = height_contact(indentation, mm_per_pixel, contact, sensor, cause)
+    whole = mask is None and _is_all(indentation, contact)
+    return points, area, (columns * mm_per_pixel, rows * mm_per_pixel) if whole else None
 
 
 def depth_touch(folder: Path, entry: DepthEntry, sensor: str) -> Contact:
@@ -73,12 +121,6 @@ def touching(indentation: Float[np.ndarray, "h w"], contact_above: float | None)
         return in_contact(indentation, at_least=LEAST)
     contact: Bool[np.ndarray, "h w"] = np.isfinite(indentation) & (indentation > contact_above)
     return contact
-
-
-def untouched(indentation: Float[np.ndarray, "h w"]) -> float:
-    """Return the level of the untouched gel, the median of the pixels without contact, where the level is unknown."""
-    around = indentation - np.median(indentation)
-    return float(np.median(indentation[~in_contact(around)]))
 
 
 def _is_all(indentation: Float[np.ndarray, "h w"], contact: Bool[np.ndarray, "h w"]) -> bool:

@@ -89,7 +89,11 @@ def same_size(image: np.ndarray, other: np.ndarray | None, name: str) -> None:
 
 
 def height_contact(
-    indentation: Float[np.ndarray, "h w"], mm_per_pixel: float, contact: Bool[np.ndarray, "h w"], sensor: str = ""
+    indentation: Float[np.ndarray, "h w"],
+    mm_per_pixel: float,
+    contact: Bool[np.ndarray, "h w"],
+    sensor: str = "",
+    cause: str = "correct mm_per_pixel",
 ) -> tuple[Float[np.ndarray, "m 3"], float]:
     """Convert a height map, seen orthographically, to contact points.
 
@@ -98,6 +102,7 @@ def height_contact(
         mm_per_pixel: side of a pixel.
         contact: mask of the pixels in contact.
         sensor: name of the sensor, which may tell how thick its gel is.
+        cause: likely cause of an indentation that is too large, and its remedy, for the message.
 
     Returns:
         The points in the sensor's frame, and the contact area in mm².
@@ -106,7 +111,6 @@ def height_contact(
         UserError: no pixel is in contact, or the indentation exceeds the thickness of the gel.
     """
     rows, columns = _in_contact(contact & np.isfinite(indentation))
-    cause = f"heights in pixels take mm_per_level {mm_per_pixel:g}, the mm_per_pixel; correct mm_per_level or rest"
     check_indentation(float(indentation[rows, columns].max()), sensor, cause)
     h, w = indentation.shape
     x, y = (columns - (w - 1) / 2) * mm_per_pixel, ((h - 1) / 2 - rows) * mm_per_pixel
