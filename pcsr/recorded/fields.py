@@ -4,6 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from pcsr.clouds.pose_error import PoseError
+
 UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
 """Length of each named unit in mm."""
 
@@ -28,3 +30,12 @@ class Strict(BaseModel):
     """Immutable model that refuses unknown keys, other types and numbers that are not finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class LayoutOptions(Strict):
+    """Options of a layout."""
+
+    @property
+    def known_pose_error(self) -> PoseError | None:
+        """Error of the poses as the authors of the data state it; None if it is unknown."""
+        return None

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from pcsr.files import inside
 from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
-from pcsr.recorded.likely_mistakes import check_coverage, check_sign, check_width
+from pcsr.recorded.likely_mistakes import check_coverage, check_indentation, check_sign, check_width
 from pcsr.recorded.manifest import DepthEntry, HeightEntry
 from pcsr.sensors.contact import CONTACT_SHARE, in_contact
 from pcsr.sensors.foreign_heights import Integration, corrected
@@ -107,7 +107,11 @@ def depth_touch(folder: Path, entry: DepthEntry, sensor: str) -> Contact:
     background = _optional(folder, entry.background, depth, "background")
     rest = entry.face if background is None else background * entry.unit
     indentation = np.where(depth > 0, rest - depth, np.nan)
-    return *depth_contact(depth, entry.intrinsics, entry.face, touching(indentation, entry.contact_above), sensor), None
+    contact = touching(indentation, entry.contact_above)
+    points, area = depth_contact(depth, entry.intrinsics, entry.face, contact)
+    if background is not None:  # without one a curved gel is farther from the plane of the face than it is indented
+        check_indentation(float(indentation[contact].max()), sensor, "correct unit or background")
+    return points, area, None
 
 
 def touching(indentation: Float[np.ndarray, "h w"], contact_above: float | None) -> Bool[np.ndarray, "h w"]:

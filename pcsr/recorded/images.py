@@ -122,7 +122,6 @@ def depth_contact(
     intrinsics: Intrinsics,
     face: float,
     contact: Bool[np.ndarray, "h w"],
-    sensor: str = "",
 ) -> tuple[Float[np.ndarray, "m 3"], float]:
     """Convert a depth image to contact points.
 
@@ -131,17 +130,16 @@ def depth_contact(
         intrinsics: intrinsics of the camera.
         face: distance of the gel's face from the camera, in mm.
         contact: mask of the pixels in contact; pixels without a finite, positive depth are ignored.
-        sensor: name of the sensor, which may tell how thick its gel is.
 
     Returns:
         The points in the sensor's frame, and the contact area, projected along the camera's axis, in mm².
 
     Raises:
-        UserError: no pixel is in contact, or the indentation exceeds the thickness of the gel.
+        UserError: no pixel is in contact, or one lies farther from the face than any gel is thick.
     """
     rows, columns = _in_contact(contact & np.isfinite(depth) & (depth > 0))
     z = depth[rows, columns]
-    check_indentation(face - float(z.min()), sensor, "correct unit or face")
+    check_indentation(face - float(z.min()), "", "correct unit or face")
     x, y = (columns - intrinsics.cx) / intrinsics.fx * z, (intrinsics.cy - rows) / intrinsics.fy * z
     area = float((z**2).sum() / (intrinsics.fx * intrinsics.fy))
     return np.stack([x, y, face - z], axis=-1), area

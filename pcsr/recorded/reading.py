@@ -74,13 +74,15 @@ def read(folder: Path | str) -> Recording:
     plain = _json(path)
     try:
         recorded = _manifest(plain)
+        pose_error = recorded.known_pose_error
         if isinstance(recorded, RecordingManifest):
             found = _listed(folder, recorded)
         else:
-            found = layouts.read(folder, recorded.layout)
+            options = layouts.options(recorded.layout)
+            found, pose_error = layouts.read(folder, options), pose_error or options.known_pose_error
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
-    recording = Recording([], [], {}, recorded.known_pose_error)
+    recording = Recording([], [], {}, pose_error)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # touches that are not finite are skipped
         _sort(folder, found, recording)
     if not recording.touches:

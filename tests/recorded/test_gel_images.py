@@ -160,8 +160,12 @@ def test_depth_entries_find_the_contact_themselves(tmp_path):
     np.save(tmp_path / "bg.npy", 22 + dome)
     touch = only(tmp_path, DEPTH | {"background": "bg.npy"}, object_unit="mm")
     assert len(touch.points) == contact.sum()
-    np.save(tmp_path / "d.npy", (22 - 10 * indentation))
-    assert "more than the 5 mm that the gel of digit is thick: correct unit or face" in reason(tmp_path, DEPTH)
+    np.save(tmp_path / "d.npy", 22 + dome - 10 * indentation)
+    text = reason(tmp_path, DEPTH | {"background": "bg.npy"})
+    assert "more than the 5 mm that the gel of digit is thick: correct unit or background" in text
+    np.save(tmp_path / "d.npy", depth)
+    text = reason(tmp_path, DEPTH | {"face": 60, "contact_above": 1})
+    assert "indented by 38.84 mm, more than the 30 mm that any gel is thick: correct unit or face" in text
 
 
 def test_images_of_a_gel_at_rest_are_no_touches(tmp_path):

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.recorded.fields import Axis, Length, NotNegative, Positive, Sign, Strict
+from pcsr.recorded.fields import Axis, LayoutOptions, Length, NotNegative, Positive, Sign
 from pcsr.recorded.gel_images import Contact, indented, levelled
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 from pcsr.recorded.pose_models import Pose
@@ -23,7 +23,7 @@ MOST_NAMED = 3
 """Most files without a pose that are named."""
 
 
-class Options(Strict):
+class Options(LayoutOptions):
     """Options of this layout in the manifest."""
 
     mm_per_pixel: Positive

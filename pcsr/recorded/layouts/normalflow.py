@@ -20,7 +20,7 @@ from pcsr.errors import UserError
 from pcsr.files import inside
 from pcsr.inputs import check_file
 from pcsr.limits import MOST_PIXELS
-from pcsr.recorded.fields import Length, Positive, Strict
+from pcsr.recorded.fields import LayoutOptions, Length, Positive
 from pcsr.recorded.images import height_contact
 from pcsr.recorded.layouts.arrays import METRE
 from pcsr.recorded.pose import check_matrix, rotation_from, sensor_to_object, transformed
@@ -36,7 +36,7 @@ Surface = tuple[Float[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]
 """Height of each pixel above the face of the untouched gel in mm, along z, and the pixels in contact."""
 
 
-class Options(Strict):
+class Options(LayoutOptions):
     """Options of this layout in the manifest."""
 
     mm_per_pixel: Positive
