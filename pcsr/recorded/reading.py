@@ -1,6 +1,7 @@
 """Reading of recordings: the manifest, the data files, and each touch converted to the object's frame."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from pcsr.recorded.manifest import (
     check_entry,
     checked,
 )
+from pcsr.recorded.other_files import check_is_recording
 from pcsr.recorded.pickles.unpickle import load_numpy
 
 MANIFEST = "touches.json"
@@ -71,6 +73,8 @@ def read(folder: Path | str) -> Recording:
     folder = Path(folder)
     folder = folder.parent if folder.name == MANIFEST else folder
     path = folder / MANIFEST
+    if not os.path.exists(path):  # which knows no errors, unlike that of a path
+        check_is_recording(folder, MANIFEST)
     plain = _json(path)
     try:
         recorded = _manifest(plain)

@@ -9,6 +9,7 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.recorded.fields import LayoutOptions
 from pcsr.recorded.layouts import gsrobotics, normalflow, pterotactyl, smith_2020, ycb_slide
 from pcsr.recorded.manifest import checked
+from pcsr.recorded.other_files import remedy_for_layout
 from pcsr.validation_messages import shown
 
 Read = Callable[[Path, Any], Iterator[tuple[str, Touch | str]]]
@@ -31,7 +32,9 @@ def options(layout: dict[str, Any]) -> LayoutOptions:
     """
     name = layout.get("name")
     if not isinstance(name, str) or name not in LAYOUTS:
-        raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {did_you_mean(shown(name), LAYOUTS)}")
+        remedy = remedy_for_layout(name) if isinstance(name, str) else None
+        remedy = remedy or did_you_mean(shown(name), LAYOUTS)
+        raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {remedy}")
     written = {key: value for key, value in layout.items() if key != "name"}
     return checked(LAYOUTS[name][0], written, "layout")
 
