@@ -69,7 +69,7 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
             yield name, str(error)
     if unposed:
         named = sorted(unposed, key=lambda name: (len(name), name))
-        several = f"{named[0]} and {len(named) - 1} more" if len(named) > 1 else named[0]
+        several = f"{named[0]} (and {len(named) - 1} more)" if len(named) > 1 else named[0]
         yield several, "layout.poses has no pose for the number in its name: add it, if it is a touch"
 
 

@@ -92,7 +92,7 @@ def test_frames_without_a_pose_are_named_together(tmp_path):
     for number in range(12):
         write_points(tmp_path / f"pc_{number}.pcd", pixels())
     recording = say(tmp_path)
-    assert list(recording.skipped) == ["pc_0.pcd and 10 more"]
+    assert list(recording.skipped) == ["pc_0.pcd (and 10 more)"]
 
 
 def test_a_number_that_two_files_have_is_that_of_neither(tmp_path):
