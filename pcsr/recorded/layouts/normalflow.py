@@ -23,6 +23,7 @@ from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.fields import LayoutOptions, Length, Positive
 from pcsr.recorded.images import height_contact
 from pcsr.recorded.layouts.arrays import METRE
+from pcsr.recorded.likely_mistakes import check_width
 from pcsr.recorded.pose import check_matrix, rotation_from, sensor_to_object, transformed
 from pcsr.recorded.pose_models import Pose
 from pcsr.sensors.integration import integrated
@@ -69,6 +70,7 @@ def read(folder: Path, options: Options) -> Iterator[tuple[str, Touch | str]]:
         raise UserError(f"{folder}: gradient_maps.npy of shape {gradients.shape} is empty")
     if gradients.shape[3] != 2 or masks.shape != gradients.shape[:3] or motions.shape != (len(masks), 4, 4):
         raise UserError(f"{folder}: gradients, masks and poses of shapes {shapes} do not fit together")
+    check_width(masks.shape[2], masks.shape[1], options.mm_per_pixel)
     if len(masks) == 0:
         raise UserError(f"{folder}: the trial has no frame")
     start = sensor_to_object(options.start, options.unit, options.object_unit)

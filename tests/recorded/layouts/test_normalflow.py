@@ -175,6 +175,11 @@ def test_files_that_do_not_fit_together_are_refused(trial):
         say(trial)
 
 
+def test_pixels_per_mm_are_named(trial):
+    with pytest.raises(UserError, match=r"18\.6 looks like pixels per mm"):
+        say(trial, mm_per_pixel=18.6)
+
+
 def test_slopes_that_are_not_finite_are_refused(trial):
     gradients = np.load(trial / "gradient_maps.npy")
     gradients[1, 0, 0, 0] = np.nan
