@@ -2,6 +2,7 @@
 
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 
 SUFFIXES = (".bag", ".mcap", ".db3")
@@ -14,7 +15,11 @@ TOPIC = re.compile(r"(?P<bag>.{2,}):(?P<topic>[^:]+)", re.DOTALL)
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is that of a bag: by its suffix, or a folder with the files of ROS 2."""
-    return path.suffix.lower() in SUFFIXES or (path.is_dir() and bool(files_of(path)))
+    if path.suffix.lower() in SUFFIXES:
+        return True
+    with suppress(OSError):
+        return os.path.isdir(path) and bool(files_of(path))
+    return False
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -16,7 +16,7 @@ def test_a_bag_is_known_by_its_suffix_and_its_topic_follows_a_colon(suffix):
 
 
 @pytest.mark.parametrize(
-    "name", ["scan.ply", "scan", "-", "C:/scan.ply", "a:b.ply", "scan.mcap.ply", "scan.ply:/points"]
+    "name", ["scan.ply", "scan", "-", "C:/scan.ply", "a:b.ply", "scan.mcap.ply", "scan.ply:/points", "a" * 300, "a\0b"]
 )
 def test_other_paths_are_no_bags(name):
     assert bag_and_topic(Path(name)) is None
