@@ -1,16 +1,33 @@
 """Folder of a recording: its manifest and data files are written together or not at all."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from pcsr.clouds.pose_error import PoseError
 from pcsr.errors import RunError, UserError
 from pcsr.files import inside, write_bytes, write_text
 from pcsr.recorded.reading import MANIFEST
 
 FILE_KEYS = ("cloud", "order", "height", "depth", "image", "background", "mask", "calibration")
 """Keys of a manifest and its entries that name data files."""
+
+
+def manifest_text(head: dict[str, Any], entries: Sequence[dict[str, Any]], pose_error: PoseError | None = None) -> str:
+    """Return the text of a manifest.
+
+    Args:
+        head: keys that all touches share.
+        entries: entry of each touch.
+        pose_error: error of the poses; None if it is unknown.
+    """
+    error = (
+        {} if pose_error is None else {"position": float(pose_error.position), "rotation": float(pose_error.rotation)}
+    )
+    text = json.dumps(head | ({"pose_error": error} if error else {}), indent=1)[:-2] + ',\n "touches": [\n  '
+    return text + ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
 
 
 def check_free(folder: Path, *, overwrite: bool) -> None:

@@ -1,6 +1,5 @@
 """Writing of touches as a recording, without loss of a bit."""
 
-import json
 from collections.abc import Sequence
 from functools import partial
 from io import BytesIO
@@ -14,7 +13,7 @@ from pcsr.clouds.formats import cloud_bytes
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
-from pcsr.recorded.folder import check_free, write_folder
+from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import check_matrix
 
 
@@ -66,12 +65,8 @@ def write(
         "frame": "object",
         "sensor": touches[0].sensor,
     }
-    if pose_error is not None:
-        head["pose_error"] = {"position": float(pose_error.position), "rotation": float(pose_error.rotation)}
-    text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
-    text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
     files = {file: partial(_content, file, array) for file, array in clouds.items()}
-    write_folder(folder, text, files, overwrite=overwrite)
+    write_folder(folder, manifest_text(head, entries, pose_error), files, overwrite=overwrite)
 
 
 def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:

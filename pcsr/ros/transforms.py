@@ -94,12 +94,11 @@ class Transforms:
         known = self.frames
         for frame in (plain(source), plain(target)):
             if frame not in known:
-                raise UserError(f"there is no frame '{frame}': {_listed(known)}")
-        reached, found = self._reached(plain(source)), plain(target)
-        if found not in reached:
-            raise UserError(
-                f"no transform leads from frame '{plain(source)}' to '{found}': it leads to {_listed(sorted(reached))}"
-            )
+                raise UserError(f"there is no frame '{frame}': {listed_frames(known)}")
+        reached = self._reached(plain(source))
+        if plain(target) not in reached:
+            leads_to = listed_frames(sorted(reached))
+            raise UserError(f"no transform leads from frame '{plain(source)}' to '{plain(target)}' but to {leads_to}")
 
     def matrix(self, source: str, target: str, stamp: int) -> Float64[np.ndarray, "4 4"]:
         """Return the matrix that maps coordinates of a frame to those of another at a time, in metres.
@@ -217,7 +216,8 @@ def _matrix(value: Any, child: str, parent: str) -> Float64[np.ndarray, "4 4"]:
     return matrix
 
 
-def _listed(frames: list[str]) -> str:
+def listed_frames(frames: list[str]) -> str:
+    """Return the names of frames for a message."""
     more = len(frames) - MOST_LISTED
     shown = ", ".join(f"'{frame}'" for frame in frames[:MOST_LISTED])
     return f"the frames {shown}{f' and {more} more' if more > 0 else ''}" if frames else "there are no frames at all"
