@@ -45,6 +45,7 @@ COMMANDS = {
     "register": BuiltIn("pcsr.cli.register:register", "Register touches to a cloud and report the error of the arm."),
     "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Check recordings of touches."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
+    "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Import touches that a robot recorded."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List, check and write plugins and their parts."),
 }

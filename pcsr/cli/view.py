@@ -155,9 +155,9 @@ def _target(out: Path | None) -> Path:
 
 def _format(path: Path, suffix: str | None) -> str:
     """Return the format of a file or pipe; see `format_of`."""
-    from pcsr.clouds.formats.format_table import format_of, named_by
+    from pcsr.clouds.formats.format_table import format_of, named_by, without_suffix
 
-    if suffix is None and path.suffix == "":
+    if suffix is None and without_suffix(path):
         suffix = ".ply"
     return format_of(path, None if named_by(path) else suffix)
 
