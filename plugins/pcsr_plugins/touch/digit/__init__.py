@@ -36,6 +36,7 @@ class Digit(TouchSource):
     """
 
     needs = frozenset({"embreex"})
+    version = 2  # contact begins at 0.4 of the press, not at 0.2
 
     def __init__(
         self,
