@@ -27,6 +27,7 @@ FLOORS = {
     "pcsr.recorded": 2,
     "pcsr.registration": 2,
     "pcsr.plugins": 1,
+    "pcsr.sensors": 1,
     "pcsr.contracts": 1,
     "pcsr.metrics": 1,
     "pcsr.clouds": 1,

@@ -1,0 +1,1 @@
+"""Camera-based tactile sensors: their calibration, and touches from their images."""

@@ -1,0 +1,34 @@
+"""Contact of a gel with an object, found in a map of the gel's indentation."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+CONTACT_SHARE = 0.4
+"""Share of the greatest indentation from which on a gel is in contact.
+
+A membrane sinks in beside a contact too. In images of balls of 6.31 and 9.5 mm pressed onto a GelSight Mini, and of one
+pressed onto a DIGIT, the rim of the contact lies at this share of the greatest indentation.
+"""
+
+
+def in_contact(
+    indentation: Float[np.ndarray, "h w"], share: float = CONTACT_SHARE, at_least: float = 0.0
+) -> Bool[np.ndarray, "h w"]:
+    """Find the pixels in contact: those indented by a share of the deepest, and connected with it.
+
+    Args:
+        indentation: indentation of the gel at each pixel; pixels that are not finite are not in contact.
+        share: share of the greatest indentation.
+        at_least: indentation that a pixel in contact exceeds in any case, in the unit of `indentation`.
+
+    Returns:
+        The mask of the contact; all False where no pixel exceeds `at_least`.
+    """
+    finite = np.where(np.isfinite(indentation), indentation, -np.inf)
+    within = finite > max(share * finite.max(initial=-np.inf), at_least)
+    if not within.any():
+        return within
+    labels, _ = ndimage.label(within)
+    contact: Bool[np.ndarray, "h w"] = labels == labels[np.unravel_index(np.argmax(finite), finite.shape)]
+    return contact
