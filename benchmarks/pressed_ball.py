@@ -3,7 +3,7 @@
 python benchmarks/pressed_ball.py PRESS… --background FILE --ball 6.31 --mm-per-pixel 0.0634 [--touches 6]
 
 The presses are real images of a ball of known diameter. Of those whose contact keeps away from the edge of the image,
-some at equal steps in the order of their names are held out and become the touches; all others calibrate the sensor. The
+some at equal steps in the order of their names are held out as touches; all others calibrate the sensor. The
 camera's cloud is made up: 600 random points of the upper half. So are the poses: each held-out press is put onto the
 lower half with the ball that fits its points best at the origin.
 Printed is how far new points of the part that the camera does not see lie from the ball.

@@ -78,7 +78,7 @@ def fitted_ball(points: Float[np.ndarray, "n 3"], radius: float) -> Float[np.nda
     """Return the centre of the ball of known radius that fits points best."""
     x, y, z = points.T
     start = [np.mean(x), np.mean(y), z.max() - radius]
-    found: Float[np.ndarray, "3"] = least_squares(lambda p: np.linalg.norm(points - p, axis=1) - radius, start).x
+    found: Float[np.ndarray, 3] = least_squares(lambda p: np.linalg.norm(points - p, axis=1) - radius, start).x
     return found
 
 
