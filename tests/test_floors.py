@@ -81,6 +81,7 @@ PUBLIC = (
     "pcsr.extras",
     "pcsr.contracts",
     "pcsr.recorded",
+    "pcsr.sensors",
 )
 """What a plugin may import besides the names of `pcsr` itself."""
 

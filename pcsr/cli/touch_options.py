@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pcsr.cli.options import FILE
+from pcsr.cli.reasons import echo_skipped
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -123,8 +124,7 @@ class TouchOptions:
         if self.folder is None:
             return Recording([], [], {})
         recording = read(self.folder)
-        for name, reason in recording.skipped.items():  # also with --quiet
-            click.echo(f"touch {name} is skipped: {reason}", err=True)
+        echo_skipped(recording)
         return recording if self.pose_error is None else replace(recording, pose_error=self.pose_error)
 
 

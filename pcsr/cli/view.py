@@ -10,6 +10,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, columns_option
+from pcsr.cli.reasons import echo_skipped
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -208,6 +209,5 @@ def _touches(folder: Path | None) -> "list[np.ndarray]":
     from pcsr.recorded import read
 
     recording = read(folder)
-    for name, reason in recording.skipped.items():
-        click.echo(f"touch {name} is skipped: {reason}", err=True)
+    echo_skipped(recording)
     return [touch.points for touch in recording.touches]

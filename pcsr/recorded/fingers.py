@@ -9,7 +9,7 @@ from pcsr.clouds.formats import read_points
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.files import inside
-from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
+from pcsr.recorded.gel_images import Contact, depth_touch, height_touch
 from pcsr.recorded.manifest import CloudEntry, DepthEntry, Entry, HeightEntry, RecordingManifest
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
@@ -41,7 +41,7 @@ def finger_touch(folder: Path, recorded: RecordingManifest, entry: Entry) -> Tou
         return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
     if sensor_pose is None:
         raise UserError("pose is missing: an image is in the frame of the sensor; add it")
-    touched, area, view = _contact(folder, entry)
+    touched, area, view = _contact(folder, entry, sensor)
     return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
 
 
@@ -74,31 +74,9 @@ def _in_object(
     return transformed(pose, points * unit)
 
 
-def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float, tuple[float, float] | None]:
-    """Return the contact points of an image, in pcsr's sensor frame, the contact area in mm², and the sensor's view.
-
-    The view is None where the gel may be curved, as one with a background, or where a mask hides a part of it.
-    """
+def _contact(folder: Path, entry: Entry, sensor: str) -> Contact:
+    """Read the contact of an image, in pcsr's sensor frame."""
     if isinstance(entry, HeightEntry):
-        height = read_image(inside(folder, entry.height)) * entry.mm_per_level
-        background = _optional(folder, entry.background, height, "background")
-        mask = _optional(folder, entry.mask, height, "mask")
-        height = height if background is None else height - background * entry.mm_per_level
-        indentation = height if entry.indentation == "positive" else -height
-        contact = (indentation > entry.contact_above) & (True if mask is None else mask != 0)
-        flat = background is None and mask is None
-        rows, columns = height.shape
-        view = (columns * entry.mm_per_pixel, rows * entry.mm_per_pixel) if flat else None
-        return *height_contact(indentation, entry.mm_per_pixel, contact), view
+        return height_touch(folder, entry, sensor)
     assert isinstance(entry, DepthEntry)
-    depth = read_image(inside(folder, entry.depth)) * entry.unit
-    background = _optional(folder, entry.background, depth, "background")
-    rest = entry.face if background is None else background * entry.unit
-    contact = np.isfinite(rest) & (rest - depth > entry.contact_above)
-    return *depth_contact(depth, entry.intrinsics, entry.face, contact), None
-
-
-def _optional(folder: Path, name: str | None, image: np.ndarray, role: str) -> np.ndarray | None:
-    other = None if name is None else read_image(inside(folder, name))
-    same_size(image, other, role)
-    return other
+    return depth_touch(folder, entry, sensor)

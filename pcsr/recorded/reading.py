@@ -1,6 +1,7 @@
 """Reading of recordings: the manifest, the data files, and each touch converted to the object's frame."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from pcsr.recorded.manifest import (
     check_entry,
     checked,
 )
+from pcsr.recorded.other_files import check_is_recording
 from pcsr.recorded.pickles.unpickle import load_numpy
 
 MANIFEST = "touches.json"
@@ -71,16 +73,20 @@ def read(folder: Path | str) -> Recording:
     folder = Path(folder)
     folder = folder.parent if folder.name == MANIFEST else folder
     path = folder / MANIFEST
+    if not os.path.exists(path):  # which knows no errors, unlike that of a path
+        check_is_recording(folder, MANIFEST)
     plain = _json(path)
     try:
         recorded = _manifest(plain)
+        pose_error = recorded.known_pose_error
         if isinstance(recorded, RecordingManifest):
             found = _listed(folder, recorded)
         else:
-            found = layouts.read(folder, recorded.layout)
+            options = layouts.options(recorded.layout)
+            found, pose_error = layouts.read(folder, options), pose_error or options.known_pose_error
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
-    recording = Recording([], [], {}, recorded.known_pose_error)
+    recording = Recording([], [], {}, pose_error)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # touches that are not finite are skipped
         _sort(folder, found, recording)
     if not recording.touches:

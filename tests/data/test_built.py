@@ -17,6 +17,7 @@ from pcsr.data.shards import MANIFEST, damaged, read_manifest, write_manifest
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import for_data
 from pcsr.workers import worker_pool
+from pcsr_plugins.touch.digit import Digit
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +197,7 @@ def test_a_manifest_without_settings_is_refused(tmp_path, two):
         BuiltData.read([two[0], tmp_path])
 
 
-def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
+def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path, monkeypatch):
     folder = Path(shutil.copytree(Path(__file__).with_name("version_0_1"), tmp_path / "data"))
     built = BuiltData.read([folder])
     assert damaged(folder, built.manifests[0]) == ()
@@ -206,6 +207,9 @@ def test_a_folder_that_0_1_wrote_is_read_and_gone_on_with(tmp_path):
     write_manifest(folder, built.manifests[0])
     assert (folder / MANIFEST).read_bytes() == text
     small = ["count=2", "held_out=1", "points=16", "rate=2", "touch.points=8", "touches=2"]
+    registry = load_plugins()
+    assert Plan.of(for_data("cad-parts", {}, registry, small), registry).fingerprint != built.fingerprint
+    monkeypatch.setattr(Digit, "version", 1)  # as it was in 0.1
     registry = load_plugins()
     plan = Plan.of(for_data("cad-parts", {}, registry, small), registry)
     assert plan.fingerprint == built.fingerprint

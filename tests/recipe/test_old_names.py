@@ -17,6 +17,7 @@ from pcsr.recipe import check_card, load
 from pcsr.recipe.old_names import KEYS, OPTIONS, as_in_0_1, modern_key
 from pcsr.recipe.source import RecipeError
 from pcsr.weights import SHA256_IN_0_1, names, shipped
+from pcsr_plugins.touch.digit import Digit
 
 OLD = Path(__file__).parents[1] / "version_0_1"
 FINGERPRINTS = {
@@ -31,9 +32,10 @@ def registry():
     return load_plugins()
 
 
-def test_a_recipe_of_0_1_is_read_under_the_new_names_with_one_warning(registry):
+def test_a_recipe_of_0_1_is_read_under_the_new_names_with_one_warning(monkeypatch):
+    monkeypatch.setattr(Digit, "version", 1)  # as it was in 0.1
     with pytest.warns(PcsrWarning) as caught:
-        runs = list(load(OLD / "recipe.yaml", registry))
+        runs = list(load(OLD / "recipe.yaml", load_plugins()))
     (text,) = {str(warning.message) for warning in caught}
     assert text.startswith(f"{OLD / 'recipe.yaml'} uses names of pcsr 0.1")
     for old, new in (*renamed.PARTS.items(), *KEYS.items()):

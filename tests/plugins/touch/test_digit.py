@@ -34,8 +34,8 @@ def test_points_lie_on_the_mesh_and_within_the_gel(name):
         local = in_sensor(touched)
         assert np.abs(local[:, 0]).max() <= 8
         assert np.abs(local[:, 1]).max() <= 6.1
-        # The sensor looks along -z: contact is what reaches above the gel's face, by at most the press.
-        assert local[:, 2].min() > 0.05
+        # The sensor looks along -z: contact is what reaches above the gel's face, by 0.4 of the press to all of it.
+        assert local[:, 2].min() > 0.4 * 0.5
         assert local[:, 2].max() <= 1.5
         assert 1000 * (16 / 121) ** 2 <= touched.contact_area <= 16 * 12.1
 
@@ -53,7 +53,7 @@ def test_a_flat_face_is_felt_by_the_whole_gel():
 def test_a_sphere_is_felt_in_a_disc(radius, press):
     ball = trimesh.creation.icosphere(subdivisions=6, radius=radius)
     touched = touch(ball, tilt=0.0, press=(press, press), at_least=512, width=24.0, height=24.0, pixels=200)[0]
-    disc = np.sqrt(radius**2 - (radius - 0.8 * press) ** 2)
+    disc = np.sqrt(radius**2 - (radius - 0.6 * press) ** 2)
     assert touched.contact_area == pytest.approx(np.pi * disc**2, rel=0.03)
     assert np.linalg.norm(in_sensor(touched)[:, :2], axis=1).max() == pytest.approx(disc, rel=0.03)
 
@@ -61,7 +61,7 @@ def test_a_sphere_is_felt_in_a_disc(radius, press):
 def test_a_domed_gel_feels_a_flat_face_in_an_ellipse():
     slab = trimesh.creation.box((400, 400, 10))
     touched = touch(slab, tilt=0.0, press=(0.5, 0.5), dome=(50.0, 23.0))[0]
-    semi_axes = np.sqrt(2 * 0.4 * np.array([50, 23]))
+    semi_axes = np.sqrt(2 * 0.6 * 0.5 * np.array([50, 23]))
     assert semi_axes[0] < 8
     assert touched.contact_area == pytest.approx(np.pi * semi_axes.prod(), rel=0.02)
     np.testing.assert_allclose(np.abs(in_sensor(touched)[:, :2]).max(0), semi_axes, rtol=0.05)

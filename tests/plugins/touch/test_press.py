@@ -101,7 +101,7 @@ def test_nothing_met_is_no_contact():
 
 def test_what_parallel_rays_miss_is_not_pressed_deeper_than_the_press(monkeypatch):
     # Spikes between the pixels of a coarse camera.
-    cone = trimesh.creation.cone(radius=30, height=30, sections=64)
+    cone = trimesh.creation.cone(radius=30, height=25, sections=64)
     rays = MeshRays(cone, None, "cone")
     finger = Finger(sensors.load("digit-tacto", pixels=24, dome="flat", protrusion=20.0))
     tops = np.random.default_rng(0).uniform(-4, 4, (40, 3)) * [1, 1, 0] + [0, 0, 15]

@@ -36,6 +36,7 @@ class Digit(TouchSource):
     """
 
     needs = frozenset({"embreex"})
+    version = 2  # contact begins at 0.4 of the press, not at 0.2
 
     def __init__(
         self,
@@ -72,8 +73,8 @@ class Digit(TouchSource):
         self.sensor = sensor.sensor()
         if press[0] > press[1]:
             raise UserError(f"touch 'digit': press is {press}: give the least depth first")
-        if press[1] <= CONTACT[1] and self.sensor.senses == "pressure":
-            raise UserError(f"touch 'digit': press is {press}, but contact begins at {CONTACT[1]} mm: press deeper")
+        if press[1] <= CONTACT and self.sensor.senses == "pressure":
+            raise UserError(f"touch 'digit': press is {press}, but contact begins at {CONTACT} mm: press deeper")
         if noise.blur > max(self.sensor.width, self.sensor.height):
             raise UserError(
                 f"touch 'digit': blur is {noise.blur} mm, wider than the sensor's {self.sensor.width:.4g} × "

@@ -10,14 +10,14 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage
 
 from pcsr.geometry.rays import MeshRays
+from pcsr.sensors.contact import CONTACT_SHARE, in_contact
 from pcsr_plugins.touch.digit.sensors import Sensor
 from pcsr_plugins.touch.digit.visible_pixels import promising
 
-CONTACT = (0.2, 0.05)
-"""A gel is in contact from this share of the press on, and from this many mm on."""
+CONTACT = 0.05
+"""Least indentation of a gel in contact, in mm, however little it is pressed; above it `CONTACT_SHARE` decides."""
 COARSE = 6
 """Of so many pixels in a row one is looked at first."""
 CASTS = 4
@@ -96,7 +96,8 @@ class Finger:
             face, seen = self._look(rays, point, frame, face, limit, self.sensor.distance)
         pressed = (seen[:, 2] - self.sag(seen)).reshape(self.shape)
         if self.sensor.reach is None:
-            mask = _connected(pressed, max(CONTACT[0] * depth, CONTACT[1]), limit + 1e-6)
+            possible = np.where(pressed <= limit + 1e-6, pressed, -np.inf)
+            mask = in_contact(possible, at_least=max(CONTACT_SHARE * depth, CONTACT))
         else:
             mask = (pressed <= 1e-6) & (seen[:, 2].reshape(self.shape) >= -self.sensor.reach)
         return Contact(self.sensor, matrix(frame, point + frame[:, 2] * face), seen.reshape(*self.shape, 3), mask)
@@ -182,14 +183,3 @@ def _rim(sensor: Sensor) -> Float[np.ndarray, "p 2"]:
 def _widening(sensor: Sensor, z: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
     """How much larger than at the face a length on the image is at each height."""
     return np.ones(len(z)) if sensor.distance is None else 1 - z / sensor.distance
-
-
-def _connected(
-    pressed: Float[np.ndarray, "rows columns"], least: float, most: float
-) -> Bool[np.ndarray, "rows columns"]:
-    """Where the gel is pressed, as far as it is connected with the deepest point."""
-    within = (pressed > least) & (pressed <= most)
-    labels, _ = ndimage.label(within)
-    deepest = np.unravel_index(np.argmax(np.where(within, pressed, -np.inf)), pressed.shape)
-    contact: Bool[np.ndarray, "rows columns"] = within & (labels == labels[deepest])
-    return contact
