@@ -18,7 +18,7 @@ from pcsr.recorded.bags.cloud_topic import CloudTopic
 from pcsr.recorded.bags.messages import TopicMessages
 from pcsr.recorded.bags.opening import TYPES, Sensor, open_topic
 from pcsr.recorded.bags.poses import Advance, Poses, read_poses
-from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, greatest, sensor_frame
+from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, sensor_frame
 from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import in_object, transformed
 from pcsr.recorded.writing import write
@@ -64,11 +64,6 @@ class ImportedTouch:
     """Transform from pcsr's frame of the sensor, in mm, to the object's frame, in metres."""
     pressed: Pressed
     """Contact in pcsr's frame of the sensor."""
-
-    @property
-    def depth(self) -> float:
-        """Greatest indentation of the gel in mm, without stray points."""
-        return greatest(self.pressed.points[:, 2])
 
 
 def _silent(what: str, done: int, total: int) -> None:
