@@ -22,7 +22,8 @@ from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, sensor_fram
 from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import in_object, transformed
 from pcsr.recorded.writing import write
-from pcsr.ros.bag import Bag, Topic
+from pcsr.ros.bag import Bag
+from pcsr.ros.topics import Topic
 from pcsr.ros.transforms import MAX_GAP, plain
 
 

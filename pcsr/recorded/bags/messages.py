@@ -10,7 +10,8 @@ from pcsr.errors import PcsrWarning, UserError
 from pcsr.recorded.bags.contacts import contacts, threshold
 from pcsr.recorded.bags.poses import Advance
 from pcsr.recorded.bags.pressed import TactileTopic
-from pcsr.ros.bag import Bag, Topic
+from pcsr.ros.bag import Bag
+from pcsr.ros.topics import Topic
 
 NEAR = 0.5
 """Longest time from a named time to a message, in seconds."""

@@ -18,9 +18,10 @@ from pcsr.recorded.fields import Axis
 from pcsr.recorded.images import read_image
 from pcsr.recorded.manifest import Intrinsics
 from pcsr.ros import images
-from pcsr.ros.bag import Bag, Topic, listed
+from pcsr.ros.bag import Bag
 from pcsr.ros.images import CAMERA_INFO, COMPRESSED, IMAGE
 from pcsr.ros.point_clouds import POINT_CLOUD
+from pcsr.ros.topics import Topic, listed
 from pcsr.sensors.calibration import Calibration
 from pcsr.sensors.images import read_rgb
 
