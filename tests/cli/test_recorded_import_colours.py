@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from pcsr.cli import pcsr
-from pcsr.recorded import MANIFEST
+from pcsr.recorded import MANIFEST, read
 from pcsr.sensors import Calibration, PressImage, ball_indentation, calibrate, gel, read_rgb, shaded
 from tests.ros.bags import BagWriter
 
@@ -83,10 +83,15 @@ def test_images_in_colour_become_entries_with_calibration_and_background(tmp_pat
     np.testing.assert_array_equal(background, picture(0, 0))
     reading = Calibration.load(tmp_path / "t" / "calibration.json").read(image, background)
     assert f" {len(reading.points)} " in done.stdout
+    recording = read(tmp_path / "t")
+    assert (recording.names, recording.skipped) == (["3.000 s"], {})
+    (touch,) = recording.touches
+    assert (touch.unit, touch.sensor, touch.contact_area) == (1000.0, "my-sensor", pytest.approx(reading.area))
+    np.testing.assert_allclose(touch.errors, reading.errors / 1000)
     # An optical frame looks along +z and y leads down, so that the ball is at y = 0.95 mm of pcsr's frame.
     matrix = np.array(entry["pose"]["matrix"])
-    points = reading.points @ matrix[:3, :3].T + matrix[:3, 3]
-    in_optical = 1000 * POSE[1].inv().apply(points - POSE[0])
+    np.testing.assert_allclose(touch.points, reading.points @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
+    in_optical = 1000 * POSE[1].inv().apply(touch.points - POSE[0])
     columns, rows = CENTRE
     ball = np.array([(columns - 79.5) * MM_PER_PIXEL, (rows - 59.5) * MM_PER_PIXEL, DIAMETER / 2 - PRESS])
     assert np.abs(np.linalg.norm(in_optical - ball, axis=1) - DIAMETER / 2).max() < 0.2
@@ -106,8 +111,7 @@ def test_images_that_cannot_be_read_count_as_untouched_which_is_said(tmp_path, c
     done = imported(recorded(tmp_path, black=(5, 29)), tmp_path / "t", "--calibration", calibration)
     assert done.exit_code == 0, done.output
     assert "2 of 50 messages cannot be read and count as untouched: /gel/image at 0.500 s: " in done.stderr
-    (entry,) = json.loads((tmp_path / "t" / MANIFEST).read_text(encoding="utf-8"))["touches"]
-    assert entry["name"] in ("3.000 s", "3.100 s")
+    assert read(tmp_path / "t").names == ["3.000 s"]
 
 
 @pytest.mark.parametrize(
