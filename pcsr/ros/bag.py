@@ -145,10 +145,26 @@ class Bag(AbstractContextManager["Bag"]):
             for message in self.messages([topic], self.end - window):
                 found = message
             window *= 8
+        return self._there(found, topic)
+
+    def first(self, topic: str, moment: tuple[int, int] | None = None) -> Message:
+        """Return the first message of a topic that has messages, or the first of a moment.
+
+        Args:
+            topic: name of the topic.
+            moment: times of a message, `received` and `stamp`.
+
+        Raises:
+            UserError: as `messages`.
+        """
+        if moment is None:
+            return self._there(next(self.messages([topic]), None), topic)
+        found = self.messages([topic], moment[0], moment[0] + 1)
+        return self._there(next((one for one in found if one.stamp == moment[1]), None), topic)
+
+    def _there(self, found: Message | None, topic: str) -> Message:
         if found is None:
-            raise UserError(
-                f"{self.name}: the topic {topic} has no messages, though the bag counts some: it is damaged"
-            )
+            raise UserError(f"{self.name}: the topic {topic} lacks messages that the bag lists: it is damaged")
         return found
 
 

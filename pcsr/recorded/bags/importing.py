@@ -95,7 +95,7 @@ def import_touches(bag: Bag, folder: Path, options: ImportOptions, advance: Adva
     topic = bag.topic(options.topic, TYPES)
     poses = read_poses(bag, options.pose, options.object_frame, options.max_gap, advance)
     messages = TopicMessages(bag, topic, advance)
-    first = next(bag.messages([topic.name])).content
+    first = bag.first(topic.name).content
     reader, axes = open_topic(bag, topic, options.sensor, first, messages.at)
     _check_frame(topic, poses, first)
     if options.at:

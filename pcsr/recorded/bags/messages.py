@@ -57,9 +57,7 @@ class TopicMessages:
 
     def content(self, index: int) -> Any:
         """Return the content of a message."""
-        moment = self.moments[index]
-        found = self.bag.messages([self.topic.name], moment.received, moment.received + 1)
-        return next(one.content for one in found if one.stamp == moment.stamp)
+        return self.bag.first(self.topic.name, self.moments[index]).content
 
     def at(self, time: float, option: str) -> Any:
         """Return the content of the message that is nearest to a time; see `nearest`."""
