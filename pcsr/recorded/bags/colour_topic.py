@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from pcsr.errors import UserError
 from pcsr.recorded.bags.pressed import Pressed, TactileTopic, greatest
 from pcsr.ros import images
 from pcsr.sensors.calibration import Calibration
@@ -28,10 +27,8 @@ class ColourTopic(TactileTopic):
         image = images.colours(content)
         try:
             reading = self.calibration.read(image, self.background)
-        except UserError as error:
-            if str(error).startswith("no contact"):
-                return 0.0
-            raise
+        except NoContact:
+            return 0.0
         return greatest(reading.indentation[reading.contact])
 
     def pressed(self, content: Any, name: str) -> Pressed:
