@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
 from pcsr.sensors.colour import changed, colour_change
-from pcsr.sensors.contact import NoContact, in_contact
+from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
 from pcsr.sensors.images import Image
@@ -100,7 +100,7 @@ class Calibration:
         Raises:
             UserError: the size of an image is not that of the calibration; an image is black, saturated, or changed
                 almost everywhere; or the background is of another sensor.
-            NoContact: there is no contact.
+            NoContactError: there is no contact.
         """
         self._check(image, background)
         slopes, touched = self.slopes(colour_change(image, background))
@@ -108,7 +108,7 @@ class Calibration:
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
         contact = in_contact(indentation, at_least=SHALLOWEST)
         if not contact.any():
-            raise NoContact(
+            raise NoContactError(
                 f"no contact: the gel is indented by {max(0.0, indentation.max()):.2f} mm at most, less than "
                 f"{SHALLOWEST} mm"
             )

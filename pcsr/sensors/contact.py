@@ -14,7 +14,7 @@ pressed onto a DIGIT, the rim of the contact lies at this share of the greatest 
 """
 
 
-class NoContact(UserError):
+class NoContactError(UserError):
     """A tactile image shows no contact."""
 
 

@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from pcsr.recorded.bags.pressed import Pressed, TactileTopic, greatest
 from pcsr.ros import images
 from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.contact import NoContactError
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class ColourTopic(TactileTopic):
         image = images.colours(content)
         try:
             reading = self.calibration.read(image, self.background)
-        except NoContact:
+        except NoContactError:
             return 0.0
         return greatest(reading.indentation[reading.contact])
 
