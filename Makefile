@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 # What runs and tests need. The tests do without the hub and, where it is not installed, without Open3D.
-EXTRAS := train,simulate,report,pcd,las,e57,cluster,onnx
+EXTRAS := train,simulate,report,pcd,las,e57,ros,cluster,onnx
 
 # `make test PROCESSOR=sse` computes as an older processor does: torch, oneDNN, MKL and OpenBLAS each by the instruction set named.
 # avx512 takes a processor that has it. Without PROCESSOR each library takes the best that it finds.

@@ -32,6 +32,7 @@ PACKAGES = {
     "laspy": Package("laspy", "las"),
     "lazrs": Package("lazrs", "las"),
     "pye57": Package("pye57", "e57", frozenset({"aarch64"})),
+    "rosbags": Package("rosbags", "ros"),
     "distributed": Package("distributed", "cluster"),
     "huggingface_hub": Package("huggingface-hub", "hub"),
     "onnx": Package("onnx", "onnx"),

@@ -44,6 +44,7 @@ COMMANDS = {
     "data": BuiltIn("pcsr.cli.data:data", "Build and inspect data sets of clouds and touches."),
     "register": BuiltIn("pcsr.cli.register:register", "Register touches to a cloud and report the error of the arm."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
+    "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Check recordings of touches, and import them from ROS bags."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List, check and write plugins and their parts."),
 }

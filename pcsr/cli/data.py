@@ -8,6 +8,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, OUTPUT_FOLDER, jobs_option, plugin_option
+from pcsr.cli.reasons import kinds
 from pcsr.errors import UserError, did_you_mean
 
 if TYPE_CHECKING:
@@ -169,20 +170,12 @@ def _print(console: "Console", folder: Path, manifest: "Manifest") -> None:
     console.print(table)
     console.print("coverage: the share of the truth's points near a touched point, median over objects", style="dim")
     for split, about in manifest.splits.items():
-        kinds: dict[str, list[str]] = {}
-        for name, reason in about.rejected.items():
-            kinds.setdefault(_kind(name, reason), []).append(reason if name in reason else f"{name}: {reason}")
-        for reasons in sorted(kinds.values(), key=len, reverse=True):
-            number = "" if len(reasons) == 1 else f" {len(reasons)} objects, such as"
-            console.print(f"rejected from {split}:{number} {reasons[0]}", markup=False, soft_wrap=True)
+        for alike in sorted(kinds(about.rejected), key=len, reverse=True):
+            name, reason = next(iter(alike.items()))
+            number = "" if len(alike) == 1 else f" {len(alike)} objects, such as"
+            shown = reason if name in reason else f"{name}: {reason}"
+            console.print(f"rejected from {split}:{number} {shown}", markup=False, soft_wrap=True)
 
 
 def _plain(options: dict[str, Any]) -> str:
     return ", ".join(f"{value}" if key == "use" else f"{key} {value}" for key, value in options.items())
-
-
-def _kind(name: str, reason: str) -> str:
-    """Replace the object's name and all numbers in a reason, so that similar reasons are counted together."""
-    import re
-
-    return re.sub(r"\d[\d.,e+-]*", "…", reason.replace(name, "…"))

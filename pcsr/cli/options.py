@@ -127,7 +127,7 @@ def jobs_option(text: str) -> Callable[[Callable[..., Result]], Callable[..., Re
     return click.option("--jobs", type=int, default=None, metavar="N", callback=_jobs, help=text)
 
 
-class _Seconds(click.FloatRange):
+class Seconds(click.FloatRange):
     """Click type of a duration in seconds. It refuses `nan`, which `click.FloatRange` accepts."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -138,7 +138,7 @@ class _Seconds(click.FloatRange):
         return seconds
 
 
-SECONDS = _Seconds(0.1, 86_400)
+SECONDS = Seconds(0.1, 86_400)
 """Click type of a time limit: 0.1 s to one day."""
 
 set_option = click.option(

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pcsr.cli import streams
+
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
@@ -74,21 +76,10 @@ class RegistrationOutput:
             write_text(self.report, json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def _print(self, rows: "list[tuple[str, ...]]") -> None:
-        from rich import box
-        from rich.table import Column, Table
-        from rich.text import Text
-
         from pcsr.registration.report import HEADS, NUMBERS
 
         if self.console.quiet:
             return
         shown = rows[: self.most]
-        heads = (Column(head, overflow="fold", justify="right" if head in NUMBERS else "left") for head in HEADS)
         caption = f"and {len(rows) - len(shown)} more touches" if len(rows) > len(shown) else None
-        printed = Table(
-            *heads, box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True, caption=caption
-        )
-        printed.caption_justify = "left"
-        for row in shown:
-            printed.add_row(*map(Text, row))
-        self.console.print(printed)
+        streams.print_table(self.console, HEADS, shown, NUMBERS, caption)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, BinaryIO
 from pcsr.errors import RunError, UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
     from rich.console import Console
 
 WIDTHS = range(20, 10_000)
@@ -36,6 +38,36 @@ def console(*, error: bool = False, quiet: bool = False) -> "Console":
         width=None if terminal else UNLIMITED,
         force_terminal=None if terminal else False,  # whatever FORCE_COLOR says, a file gets no bars
     )
+
+
+def print_table(
+    console: "Console",
+    heads: "Sequence[str]",
+    rows: "Sequence[Sequence[str]]",
+    numbers: "Collection[str]" = (),
+    caption: str | None = None,
+) -> None:
+    """Print a table without a frame.
+
+    Args:
+        console: console to print on.
+        heads: head of each column.
+        rows: cells of each row.
+        numbers: heads of the columns that are aligned to the right.
+        caption: line below the table.
+    """
+    from rich import box
+    from rich.table import Column, Table
+    from rich.text import Text
+
+    columns = (Column(head, overflow="fold", justify="right" if head in numbers else "left") for head in heads)
+    table = Table(
+        *columns, box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True, caption=caption
+    )
+    table.caption_justify = "left"
+    for row in rows:
+        table.add_row(*map(Text, row))
+    console.print(table)
 
 
 def prepare() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pcsr.cli.options import FILE
+from pcsr.cli.reasons import echo_skipped
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -46,14 +47,21 @@ class _PoseError(click.ParamType["PoseError"]):
 
 
 TOUCH = click.option("--touch", "folder", type=FILE, default=None, metavar="DIR", help="Folder of recorded touches.")
-POSE_ERROR = click.option(
-    "--pose-error",
-    type=_PoseError(),
-    default=None,
-    metavar="MM,DEG",
-    help="Error of the poses of the touches, as standard deviations along and about each axis: 0.3,0.2; 0,0 if they "
-    "are exact.  [default: the recording's, else 1,2]",
-)
+
+
+def pose_error_option(default: str) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
+    """Return the option `--pose-error`; `default` is the end of its help."""
+    return click.option(
+        "--pose-error",
+        type=_PoseError(),
+        default=None,
+        metavar="MM,DEG",
+        help="Error of the poses of the touches, as standard deviations along and about each axis: 0.3,0.2; 0,0 if "
+        f"they are exact.  [default: {default}]",
+    )
+
+
+POSE_ERROR = pose_error_option("the recording's, else 1,2")
 AS_IS = click.option(
     "--touch-as-is", "as_is", is_flag=True, help="Use the touches where they were reported, without registration."
 )
@@ -116,8 +124,7 @@ class TouchOptions:
         if self.folder is None:
             return Recording([], [], {})
         recording = read(self.folder)
-        for name, reason in recording.skipped.items():  # also with --quiet
-            click.echo(f"touch {name} is skipped: {reason}", err=True)
+        echo_skipped(recording)
         return recording if self.pose_error is None else replace(recording, pose_error=self.pose_error)
 
 

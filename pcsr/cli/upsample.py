@@ -109,6 +109,7 @@ def upsample(
 
     from pcsr.clouds.faults import screen
     from pcsr.clouds.formats import CLOUD_WRITERS, cloud_bytes, read_cloud, read_cloud_pipe, writable, write_cloud
+    from pcsr.clouds.formats.format_table import without_suffix
     from pcsr.progress import progress_bars
 
     start = time.perf_counter()
@@ -118,7 +119,7 @@ def upsample(
         check_suffix(mesh)  # before the work, not after it
         open3d()
     console = streams.console(error=True, quiet=quiet)
-    chosen = ".ply" if suffix is None and (cloud == PIPE or cloud.suffix == "") else suffix
+    chosen = ".ply" if suffix is None and without_suffix(cloud) else suffix
     kind = f".{(suffix or 'ply').lower().lstrip('.')}"
     kind = kind if kind in CLOUD_WRITERS else ".ply"
     target = out if out != PIPE else Path(f"pipe{kind}")

@@ -10,6 +10,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, columns_option
+from pcsr.cli.reasons import echo_skipped
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -154,9 +155,9 @@ def _target(out: Path | None) -> Path:
 
 def _format(path: Path, suffix: str | None) -> str:
     """Return the format of a file or pipe; see `format_of`."""
-    from pcsr.clouds.formats.format_table import format_of, named_by
+    from pcsr.clouds.formats.format_table import format_of, named_by, without_suffix
 
-    if suffix is None and path.suffix == "":
+    if suffix is None and without_suffix(path):
         suffix = ".ply"
     return format_of(path, None if named_by(path) else suffix)
 
@@ -208,6 +209,5 @@ def _touches(folder: Path | None) -> "list[np.ndarray]":
     from pcsr.recorded import read
 
     recording = read(folder)
-    for name, reason in recording.skipped.items():
-        click.echo(f"touch {name} is skipped: {reason}", err=True)
+    echo_skipped(recording)
     return [touch.points for touch in recording.touches]

@@ -5,16 +5,20 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.clouds.formats import read_points
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import read_cloud
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.files import inside
-from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
-from pcsr.recorded.manifest import CloudEntry, DepthEntry, Entry, HeightEntry, RecordingManifest
+from pcsr.recorded.camera_images import image_touch
+from pcsr.recorded.gel_images import Contact, depth_touch, height_touch
+from pcsr.recorded.manifest import CloudEntry, DepthEntry, Entry, HeightEntry, ImageEntry, RecordingManifest
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 WIDER = 1.5
 """A touch may be this many times as wide as what its sensor sees."""
+ERROR = "error"
+"""Column of a cloud that holds the expected error of each point, in the cloud's unit."""
 
 
 def finger_touch(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
@@ -35,14 +39,37 @@ def finger_touch(folder: Path, recorded: RecordingManifest, entry: Entry) -> Tou
     # The axes "-z" are pcsr's own. Multiplying by the identity could change the sign of a zero.
     sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ rotation_from(recorded.axes)
     if isinstance(entry, CloudEntry):
-        points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
-        points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
+        cloud = Cloud(np.zeros((0, 3))) if entry.cloud is None else read_cloud(inside(folder, entry.cloud))
+        unit = entry.unit or recorded.unit
+        points = _in_object(cloud.points, unit, recorded, pose)
         _check_view(points, sensor_pose, entry.view)
-        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
+        errors = _errors(cloud, unit / recorded.object_unit)
+        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view, errors)
     if sensor_pose is None:
         raise UserError("pose is missing: an image is in the frame of the sensor; add it")
-    touched, area, view = _contact(folder, entry)
-    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
+    errors = None
+    if isinstance(entry, ImageEntry):
+        reading = image_touch(folder, entry, recorded)
+        touched, area, view = reading.points, reading.area, reading.view
+        errors = reading.errors / recorded.object_unit
+    else:
+        touched, area, view = _contact(folder, entry, sensor)
+    points = transformed(sensor_pose, touched)
+    return Touch.single(points, sensor_pose, recorded.object_unit, sensor, area, view, errors)
+
+
+def _errors(cloud: Cloud, scale: float) -> Float[np.ndarray, " n"] | None:
+    """Return the column of the points' errors, times the scale; None if there is none.
+
+    Raises:
+        UserError: an error is negative or not finite.
+    """
+    if ERROR not in cloud.columns:
+        return None
+    errors = np.asarray(cloud.columns[ERROR], np.float64)
+    if errors.ndim != 1 or not (np.isfinite(errors) & (errors >= 0)).all():
+        raise UserError(f"column '{ERROR}' holds the expected error of each point: it must be finite, and 0 or more")
+    return errors * scale
 
 
 def _check_view(
@@ -74,31 +101,9 @@ def _in_object(
     return transformed(pose, points * unit)
 
 
-def _contact(folder: Path, entry: Entry) -> tuple[Float[np.ndarray, "m 3"], float, tuple[float, float] | None]:
-    """Return the contact points of an image, in pcsr's sensor frame, the contact area in mm², and the sensor's view.
-
-    The view is None where the gel may be curved, as one with a background, or where a mask hides a part of it.
-    """
+def _contact(folder: Path, entry: Entry, sensor: str) -> Contact:
+    """Read the contact of an image, in pcsr's sensor frame."""
     if isinstance(entry, HeightEntry):
-        height = read_image(inside(folder, entry.height)) * entry.mm_per_level
-        background = _optional(folder, entry.background, height, "background")
-        mask = _optional(folder, entry.mask, height, "mask")
-        height = height if background is None else height - background * entry.mm_per_level
-        indentation = height if entry.indentation == "positive" else -height
-        contact = (indentation > entry.contact_above) & (True if mask is None else mask != 0)
-        flat = background is None and mask is None
-        rows, columns = height.shape
-        view = (columns * entry.mm_per_pixel, rows * entry.mm_per_pixel) if flat else None
-        return *height_contact(indentation, entry.mm_per_pixel, contact), view
+        return height_touch(folder, entry, sensor)
     assert isinstance(entry, DepthEntry)
-    depth = read_image(inside(folder, entry.depth)) * entry.unit
-    background = _optional(folder, entry.background, depth, "background")
-    rest = entry.face if background is None else background * entry.unit
-    contact = np.isfinite(rest) & (rest - depth > entry.contact_above)
-    return *depth_contact(depth, entry.intrinsics, entry.face, contact), None
-
-
-def _optional(folder: Path, name: str | None, image: np.ndarray, role: str) -> np.ndarray | None:
-    other = None if name is None else read_image(inside(folder, name))
-    same_size(image, other, role)
-    return other
+    return depth_touch(folder, entry, sensor)

@@ -2,84 +2,18 @@
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION, PoseError
 from pcsr.errors import UserError
+from pcsr.recorded.fields import Axis, Length, NotNegative, Positive, Sign, Strict
+from pcsr.recorded.pose_models import EulerPose, MatrixPose, Pose, QuaternionPose
+from pcsr.sensors.foreign_heights import Integration
 from pcsr.validation_messages import described
 
 Model = TypeVar("Model", bound=BaseModel)
 MOST_MISTAKES = 20
 """Greatest number of mistakes of one entry that a message lists; further ones are counted."""
-UNITS = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.001, "in": 25.4}
-"""Length of each named unit in mm."""
-
-
-def _length(value: Any) -> Any:
-    """Return the length of a named unit in mm; any other value unchanged."""
-    if isinstance(value, str):
-        if value not in UNITS:
-            raise ValueError(f"unknown unit: use {', '.join(UNITS)}, or the unit's length in mm as a number")
-        return UNITS[value]
-    return value
-
-
-Length = Annotated[float, Field(gt=0), BeforeValidator(_length)]
-Positive = Annotated[float, Field(gt=0, le=1e12)]
-NotNegative = Annotated[float, Field(ge=0)]
-Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
-Sign = Literal["positive", "negative"]
-Row = Annotated[list[float], Field(min_length=4, max_length=4)]
-Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
-class Strict(BaseModel):
-    """Immutable model that refuses unknown keys, other types and numbers that are not finite."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class MatrixPose(Strict):
-    """Pose as a 4x4 matrix that maps sensor coordinates to those of the object or the world."""
-
-    matrix: Annotated[list[Row], Field(min_length=4, max_length=4)]
-    maps_to: Literal["object_unit", "rigid"] | None = None
-    """Unit of the mapped coordinates. None: `object_unit` if poses lead to the object, `rigid` if to the world."""
-
-
-class QuaternionPose(Strict):
-    """Rigid pose as a translation, in the recording's unit, and a quaternion."""
-
-    translation: Triple
-    quaternion: Row
-    order: Literal["xyzw", "wxyz"]
-
-
-class EulerPose(Strict):
-    """Rigid pose as a translation, in the recording's unit, and Euler angles."""
-
-    translation: Triple
-    euler: Annotated[list[float], Field(min_length=1, max_length=3)]
-    axes: Annotated[str, Field(pattern=r"^([xyz]{1,3}|[XYZ]{1,3})$")]
-    """Axes in scipy's notation: lower-case letters for fixed axes, upper-case letters for axes that rotate along."""
-    angle: Literal["degrees", "radians"]
-
-
-def _kind_of_pose(value: Any) -> str | None:
-    kinds = [key for key in ("matrix", "quaternion", "euler") if isinstance(value, dict) and key in value]
-    return f"<{kinds[0]}>" if len(kinds) == 1 else None
-
-
-Pose = Annotated[
-    Annotated[MatrixPose, Tag("<matrix>")]
-    | Annotated[QuaternionPose, Tag("<quaternion>")]
-    | Annotated[EulerPose, Tag("<euler>")],
-    Discriminator(
-        _kind_of_pose,
-        custom_error_type="pose",
-        custom_error_message="a pose has exactly one of the keys matrix, quaternion and euler",
-    ),
-]
 
 
 class Entry(Strict):
@@ -111,9 +45,22 @@ class HeightEntry(Entry):
     mm_per_level: Positive
     mm_per_pixel: Positive
     indentation: Sign
-    contact_above: NotNegative
+    contact_above: NotNegative | None = None
+    """Indentation above which a pixel is in contact, in mm. None: `pcsr.sensors.contact` finds the contact."""
     background: str | None = None
+    rest: float | None = None
+    """Height of the untouched gel in mm, instead of a background."""
     mask: str | None = None
+    integration: Integration = "exact"
+    """Program that integrated the heights, if they have to be corrected."""
+
+    @model_validator(mode="after")
+    def _one_level(self) -> "HeightEntry":
+        if self.rest is not None and self.background is not None:
+            raise ValueError("rest and background are both heights of the untouched gel: give one of them")
+        if self.rest is not None and self.integration != "exact":
+            raise ValueError(f"the heights of {self.integration} have no level, so rest has no meaning: leave it out")
+        return self
 
 
 class Intrinsics(Strict):
@@ -133,8 +80,19 @@ class DepthEntry(Entry):
     intrinsics: Intrinsics
     face: Positive
     """Distance from the camera to the gel's face, in mm."""
-    contact_above: NotNegative
+    contact_above: NotNegative | None = None
+    """Indentation above which a pixel is in contact, in mm. None: `pcsr.sensors.contact` finds the contact."""
     background: str | None = None
+
+
+class ImageEntry(Entry):
+    """Touch that is recorded as the camera image of a calibrated sensor."""
+
+    image: str
+    background: str | None = None
+    """Image of the untouched gel; that of the recording by default."""
+    calibration: str | None = None
+    """File of the sensor's calibration; that of the recording by default."""
 
 
 class GraspEntry(Strict):
@@ -178,6 +136,10 @@ class RecordingManifest(Manifest):
     pose_to: Literal["object", "world"] = "object"
     object_pose: Pose | None = None
     axes: Axis = "-z"
+    background: str | None = None
+    """Image of the untouched gel for touches that are images."""
+    calibration: str | None = None
+    """File of the sensor's calibration for touches that are images."""
     touches: Annotated[list[Any], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -197,6 +159,7 @@ ENTRIES: dict[str, type[Entry] | type[GraspEntry]] = {
     "cloud": CloudEntry,
     "height": HeightEntry,
     "depth": DepthEntry,
+    "image": ImageEntry,
     "fingers": GraspEntry,
 }
 

@@ -5,7 +5,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from pcsr.errors import UserError
-from pcsr.recorded.manifest import Axis, EulerPose, MatrixPose, QuaternionPose
+from pcsr.recorded.fields import Axis
+from pcsr.recorded.pose_models import EulerPose, MatrixPose, QuaternionPose
 
 TOLERANCE = 1e-3
 """Largest relative error of a rotation's scale. Entries of R Rᵀ - I may be up to twice as large."""

@@ -1,6 +1,7 @@
 """Reading of recordings: the manifest, the data files, and each touch converted to the object's frame."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from pcsr.recorded.manifest import (
     check_entry,
     checked,
 )
+from pcsr.recorded.other_files import check_is_recording
 from pcsr.recorded.pickles.unpickle import load_numpy
 
 MANIFEST = "touches.json"
@@ -71,16 +73,20 @@ def read(folder: Path | str) -> Recording:
     folder = Path(folder)
     folder = folder.parent if folder.name == MANIFEST else folder
     path = folder / MANIFEST
+    if not os.path.exists(path):  # which knows no errors, unlike that of a path
+        check_is_recording(folder, MANIFEST)
     plain = _json(path)
     try:
         recorded = _manifest(plain)
+        pose_error = recorded.known_pose_error
         if isinstance(recorded, RecordingManifest):
             found = _listed(folder, recorded)
         else:
-            found = layouts.read(folder, recorded.layout)
+            options = layouts.options(recorded.layout)
+            found, pose_error = layouts.read(folder, options), pose_error or options.known_pose_error
     except UserError as error:
         raise UserError(str(error).replace(f"{MANIFEST}:", f"{path}:")) from error
-    recording = Recording([], [], {}, recorded.known_pose_error)
+    recording = Recording([], [], {}, pose_error)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # touches that are not finite are skipped
         _sort(folder, found, recording)
     if not recording.touches:
@@ -181,7 +187,7 @@ def _name(value: Any) -> str | None:
     """Return the name of an entry, which may be invalid, or else its file."""
     if not isinstance(value, dict):
         return None
-    for key in ("name", "cloud", "height", "depth"):
+    for key in ("name", "cloud", "height", "depth", "image"):
         if isinstance(value.get(key), str):
             return str(value[key])
     fingers = value.get("fingers")
@@ -216,6 +222,6 @@ def _touch(folder: Path, recorded: RecordingManifest, entry: Entry | GraspEntry,
             raise UserError(
                 f"{MANIFEST}: {place}.order: it must contain the index of each of the {len(touch.points)} points once"
             )
-        touch = replace(touch, points=touch.points[order], finger=touch.finger[order])
+        touch = touch.subset(order)
     area = touch.contact_area if entry.contact_area is None else entry.contact_area
     return replace(touch, contact_area=area, sensor=entry.sensor or touch.sensor)

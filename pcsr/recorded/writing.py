@@ -1,20 +1,21 @@
 """Writing of touches as a recording, without loss of a bit."""
 
-import json
 from collections.abc import Sequence
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pcsr.clouds.formats import read_points, write_points
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import cloud_bytes
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
-from pcsr.errors import RunError, UserError
-from pcsr.files import inside, write_text, write_whole
-from pcsr.recorded.pickles.unpickle import load_numpy
+from pcsr.errors import UserError
+from pcsr.recorded.fingers import ERROR
+from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import check_matrix
-from pcsr.recorded.reading import MANIFEST
 
 
 def write(
@@ -47,16 +48,13 @@ def write(
         >>> sorted(path.name for path in Path("touches").iterdir())
         ['0.ply', 'touches.json']
     """
-    manifest = folder / MANIFEST
-    old = _files_of(manifest)
-    if old is not None and not overwrite:
-        raise UserError(f"{folder} holds a recording already: choose another folder, or overwrite it (--overwrite)")
+    check_free(folder, overwrite=overwrite)
     units = sorted({float(touch.unit) for touch in touches})
     if len(units) != 1:
         raise UserError(f"{folder}: the touches of a recording must have the same unit, got units of {units} mm")
     if names is not None and len(names) != len(touches):
         raise UserError(f"{folder}: {len(names)} names for {len(touches)} touches: give one for each")
-    clouds: dict[str, np.ndarray] = {}
+    clouds: dict[str, Cloud | np.ndarray] = {}
     entries = [_entry(touch, str(index), clouds) for index, touch in enumerate(touches)]
     for index, (entry, touch) in enumerate(zip(entries, touches, strict=True)):
         entry |= {} if names is None else {"name": names[index]}
@@ -68,69 +66,11 @@ def write(
         "frame": "object",
         "sensor": touches[0].sensor,
     }
-    if pose_error is not None:
-        head["pose_error"] = {"position": float(pose_error.position), "rotation": float(pose_error.rotation)}
-    text = json.dumps(head, indent=1)[:-2] + ',\n "touches": [\n  '
-    text += ",\n  ".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n ]\n}\n"
-    foreign = [file for file in clouds.keys() - (old or set()) if not _free(folder / file, clouds[file])]
-    if foreign:
-        raise UserError(f"{folder / foreign[0]} exists already and belongs to no recording: choose another folder")
-    try:
-        manifest.unlink(missing_ok=True)  # first: it must never describe the new clouds
-        for file in sorted((old or set()) - clouds.keys()):
-            inside(folder, file).unlink(missing_ok=True)
-    except OSError as error:
-        raise RunError(f"{folder}: the old recording cannot be replaced: {error.strerror or error}") from error
-    written: list[Path] = []
-    new = not folder.exists()
-    try:
-        for file, array in clouds.items():
-            written.append(folder / file)
-            if file.endswith(".ply"):
-                write_points(folder / file, array)
-            else:
-                _write_array(folder / file, array)
-        write_text(manifest, text)
-    except BaseException:  # KeyboardInterrupt too: an incomplete recording is removed
-        for path in written:
-            path.unlink(missing_ok=True)
-        if new and folder.is_dir():
-            folder.rmdir()
-        raise
+    files = {file: partial(_content, data) for file, data in clouds.items()}
+    write_folder(folder, manifest_text(head, entries, pose_error), files, overwrite=overwrite)
 
 
-def _files_of(manifest: Path) -> set[str] | None:
-    """Return the data files of the recording in a folder, or None if there is no recording.
-
-    Raises:
-        UserError: the folder is a file, or cannot be read.
-    """
-    try:
-        if not manifest.exists():
-            if manifest.parent.exists() and not manifest.parent.is_dir():
-                raise UserError(f"{manifest.parent} is a file: a recording is a folder")
-            return None
-        entries = json.loads(manifest.read_text(encoding="utf-8"))["touches"]
-        parts = [part for entry in entries for part in (entry, *entry.get("fingers", ()))]
-        return {str(part[key]) for part in parts for key in ("cloud", "order") if part.get(key)}
-    except OSError as error:
-        raise UserError(f"{manifest.parent} cannot be written to: {error.strerror or error}") from error
-    except (ValueError, LookupError, TypeError, AttributeError):
-        return set()  # a manifest that `write` did not make: none of its files is removed
-
-
-def _free(path: Path, array: np.ndarray) -> bool:
-    """Return whether a file may be written: it does not exist, or an interrupted write left this very content."""
-    if not path.exists():
-        return True
-    try:
-        existing = read_points(path) if path.suffix == ".ply" else load_numpy(path)
-    except UserError:
-        return False
-    return bool(np.array_equal(existing, array))
-
-
-def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:
+def _entry(touch: Touch, stem: str, clouds: dict[str, Cloud | np.ndarray]) -> dict[str, Any]:
     """Return the manifest's entry of a touch, and add the arrays of its files to `clouds`."""
     fingers = max(len(touch.poses), int(touch.finger.max(initial=0)) + 1)
     if len(touch.poses) not in (0, fingers) or len(touch.points) == 0 or not np.isfinite(touch.points).all():
@@ -146,11 +86,11 @@ def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, 
     order = np.argsort(touch.finger, kind="stable")
     parts: list[dict[str, Any]] = []
     for finger in range(fingers):
-        points = touch.points[touch.finger == finger]
+        own = touch.subset(touch.finger == finger)
         file = f"{stem}.ply" if fingers == 1 else f"{stem}_{finger}.ply"
-        if len(points):
-            clouds[file] = points
-        part: dict[str, Any] = {"cloud": file if len(points) else None, "unit": float(touch.unit)}
+        if len(own.points):
+            clouds[file] = Cloud(np.array(own.points, np.float64), {} if own.errors is None else {ERROR: own.errors})
+        part: dict[str, Any] = {"cloud": file if len(own.points) else None, "unit": float(touch.unit)}
         if touch.view is not None:
             part["view"] = [float(side) for side in touch.view]
         if len(touch.poses):
@@ -165,9 +105,10 @@ def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, 
     return {"fingers": parts, "order": f"{stem}_order.npy"} | area
 
 
-def _write_array(path: Path, array: np.ndarray) -> None:
-    def save(part: Path) -> None:
-        with part.open("wb") as file:
-            np.save(file, array, allow_pickle=False)
-
-    write_whole(path, save)
+def _content(data: Cloud | np.ndarray) -> bytes:
+    """Return the content of a data file: a PLY with points, or an NPY with an array."""
+    if isinstance(data, Cloud):
+        return cloud_bytes(data, ".ply")
+    content = BytesIO()
+    np.save(content, data, allow_pickle=False)
+    return content.getvalue()

@@ -26,7 +26,7 @@ def in_contact(
         The mask of the contact; all False where no pixel exceeds `at_least`.
     """
     finite = np.where(np.isfinite(indentation), indentation, -np.inf)
-    within = finite > max(share * finite.max(initial=-np.inf), at_least)
+    within: Bool[np.ndarray, "h w"] = finite > max(share * finite.max(initial=-np.inf), at_least)
     if not within.any():
         return within
     labels, _ = ndimage.label(within)

@@ -168,6 +168,8 @@ def recordings() -> Iterator[Seed]:
         {"cloud": "a.csv", "pose": {"matrix": identity, "maps_to": "rigid"}, "contact_area": 3.5},
         {"cloud": "a.npz", "pose": STILL, "unit": "cm", "name": "second"},
         {"height": "a.png", "pose": euler, "mask": "a.jpg", "background": "c.png", **height},
+        {"height": "a.png", "pose": STILL, **height, "contact_above": None, "integration": "gs_sdk"},
+        {"height": "a.png", "pose": STILL, **height, "contact_above": None, "rest": 0.1},
         {"depth": "a.npy", "pose": STILL, "unit": "mm", "intrinsics": eye, "face": 20.0, "contact_above": 0.5},
         {"fingers": [{"cloud": "a.csv", "pose": STILL}, {"cloud": None, "pose": STILL}], "order": "o.npy"},
     ]
@@ -194,7 +196,10 @@ def recordings() -> Iterator[Seed]:
     pixels[5, 2] = 20
     common = {"unit": "mm", "object_unit": "mm", "mm_per_pixel": 0.1}
     press = {"indentation": "positive", "contact_above": 0.5, "poses": {"1": STILL}}
-    yield layout("gsrobotics", {"pc_1.pcd": cloud_bytes(Cloud(pixels), ".pcd")}, **common, **press)
+    clouds = {"pc_1.pcd": cloud_bytes(Cloud(pixels), ".pcd")}
+    yield layout("gsrobotics", clouds, **common, **press, integration="exact")
+    low = {"pointcloud_1.pcd": cloud_bytes(Cloud(pixels * [1, 1, 0.1]), ".pcd")}
+    yield layout("gsrobotics", low, **common, **press | {"contact_above": None})
     masks = np.zeros((2, 8, 8), bool)
     masks[:, 2:5, 2:5] = True
     trial = {

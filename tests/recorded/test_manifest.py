@@ -3,19 +3,17 @@ import pytest
 
 from pcsr import UserError
 from pcsr.files import inside
+from pcsr.recorded.fields import UNITS
 from pcsr.recorded.manifest import (
-    UNITS,
     CloudEntry,
     DepthEntry,
-    EulerPose,
     GraspEntry,
     HeightEntry,
-    MatrixPose,
-    QuaternionPose,
     RecordingManifest,
     check_entry,
     checked,
 )
+from pcsr.recorded.pose_models import EulerPose, MatrixPose, QuaternionPose
 
 HEAD = {"format": 1, "unit": "mm", "object_unit": 3.7, "frame": "sensor", "sensor": "digit", "touches": [1]}
 CAMERA = {"fx": 1, "fy": 1.0, "cx": 0, "cy": -1}

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pcsr.recorded.fields import UNITS
 from pcsr.recorded.layouts import LAYOUTS
-from pcsr.recorded.manifest import UNITS, GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
+from pcsr.recorded.manifest import GraspEntry, LayoutManifest, RecordingManifest, check_entry, checked
 from pcsr.recorded.pose import rotation_from, sensor_to_object
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recorded.md").read_text(encoding="utf-8")
@@ -28,7 +29,7 @@ def test_the_examples_of_the_page_are_right():
     for layout in said:
         options, _ = LAYOUTS[layout.pop("name")]
         checked(options, layout, "layout")
-    assert len(manifests) == 2
+    assert len(manifests) == 4
     assert len(said) == len(LAYOUTS) + 1  # of ycb-slide there are two kinds
 
 

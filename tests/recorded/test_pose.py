@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
-from pcsr.recorded.manifest import EulerPose, MatrixPose, QuaternionPose
 from pcsr.recorded.pose import (
     in_object,
     offset_z,
@@ -15,6 +14,7 @@ from pcsr.recorded.pose import (
     sensor_to_object,
     transformed,
 )
+from pcsr.recorded.pose_models import EulerPose, MatrixPose, QuaternionPose
 
 AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 LENGTHS = st.sampled_from([1000.0, 10.0, 1.0, 0.001, 25.4, 500.0])

@@ -81,7 +81,7 @@ def test_a_height_image_is_placed_by_its_pose(folder):
     levels[4, 0] = 200
     levels[0, 0] = 100
     Image.fromarray(levels).save(folder / "3.png")
-    Image.fromarray(np.full((5, 7), 50, np.uint8)).save(folder / "bg.png")
+    Image.fromarray(np.full((5, 7), 2, np.uint8)).save(folder / "bg.png")
     mask = np.full((5, 7), 255, np.uint8)
     mask[4, 0] = 0
     Image.fromarray(mask).save(folder / "mask.png")
@@ -92,8 +92,8 @@ def test_a_height_image_is_placed_by_its_pose(folder):
     touch = only(folder, entry, object_unit="mm")
     np.testing.assert_allclose(touch.points, [[-1.5, 1, 11], [1, 0.5, 13], [-1.5, -1, 12]])
     assert touch.contact_area == pytest.approx(3 * 0.25)
-    touch = only(folder, entry | {"background": "bg.png", "contact_above": 0.5}, object_unit="mm")
-    np.testing.assert_allclose(touch.points, [[1, 0.5, 12.5], [-1.5, -1, 11.5]])
+    touch = only(folder, entry | {"background": "bg.png", "contact_above": 0.98}, object_unit="mm")
+    np.testing.assert_allclose(touch.points, [[1, 0.5, 12.98], [-1.5, -1, 11.98]])
     touch = only(folder, entry | {"mask": "mask.png"}, object_unit="mm")
     np.testing.assert_allclose(touch.points, [[-1.5, 1, 11], [1, 0.5, 13]])
     np.save(folder / "3.npy", -levels.astype(np.float32))

@@ -7,6 +7,16 @@ import numpy as np
 from pcsr.clouds.columns import COLOURS, SHORT_COLOURS, colour_names
 
 
+def unpacked(packed: np.ndarray) -> np.ndarray:
+    """Unpack red, green, blue and alpha (n, 4) from 32-bit numbers 0xAARRGGBB, as the Point Cloud Library packs them.
+
+    Args:
+        packed: integers, or floats with the same bits.
+    """
+    bits = packed.view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
+    return np.stack([(bits >> shift).astype(np.uint8) for shift in (16, 8, 0, 24)], axis=-1)
+
+
 def brightest(columns: Mapping[str, np.ndarray], names: list[str]) -> float | None:
     """Return the number that stands for full brightness: 1, 255 or 65535; None if these are no colours in such a range.
 

@@ -21,6 +21,7 @@ from pcsr.clouds.formats import (
     text,
 )
 from pcsr.errors import UserError
+from pcsr.ros.paths import SUFFIXES, bag_and_topic
 
 T = TypeVar("T")
 
@@ -97,6 +98,8 @@ BIN = {
     "colmap": "points3D.bin",
 }
 """What a file with the suffix .bin may hold, by the name of the format."""
+ROSBAG = "rosbag"
+"""Name of the format of a cloud in a ROS bag, which is read by its path: `pcsr.clouds.formats.rosbag.read`."""
 COLMAP_FILE = "points3d.bin"
 """Name of COLMAP's file of points, in small letters."""
 
@@ -109,14 +112,18 @@ def format_of(path: Path, chosen: str | None = None) -> str:
         chosen: suffix or name of a format, such as ".ply", "ply" or "kitti".
 
     Returns:
-        A key of `CLOUD_READERS` or `NAMED_READERS`, or the suffix of `path` if that is unknown.
+        A key of `CLOUD_READERS` or `NAMED_READERS`, `ROSBAG`, or the suffix of `path` if that is unknown.
 
     Raises:
         UserError: the suffix is .bin, which several formats have.
     """
     if chosen is not None:
         name = chosen.lower().removeprefix(".")
+        if name == ROSBAG or f".{name}" in SUFFIXES:
+            return ROSBAG
         return name if name in NAMED_READERS else f".{name}"
+    if bag_and_topic(path) is not None:
+        return ROSBAG
     if path.name.lower() == COLMAP_FILE:
         return "colmap"
     if path.suffix.lower() == ".bin":
@@ -127,7 +134,13 @@ def format_of(path: Path, chosen: str | None = None) -> str:
 
 def named_by(path: Path) -> bool:
     """Return whether the format of a file follows from its name."""
-    return path.suffix.lower() in CLOUD_READERS or path.name.lower() == COLMAP_FILE
+    known = path.suffix.lower() in CLOUD_READERS or path.name.lower() == COLMAP_FILE
+    return known or bag_and_topic(path) is not None
+
+
+def without_suffix(path: Path) -> bool:
+    """Return whether the name of a file has no suffix by which its format is known, and is no path of a bag."""
+    return path.suffix == "" and bag_and_topic(path) is None
 
 
 def check_columns(columns: str | Sequence[str] | None, kind: str, name: str) -> None:
@@ -165,6 +178,8 @@ def reader(kind: str, name: str) -> Callable[[bytes], Cloud]:
     """
     if kind in NAMED_READERS:
         return NAMED_READERS[kind]
+    if kind == ROSBAG:
+        raise UserError(f"{name}: a bag is read by its path: name a .bag, .mcap or .db3 file, or a folder of ROS 2")
     return _found(kind, CLOUD_READERS, name, f"are known, and by --format {', '.join(NAMED_READERS)}")
 
 

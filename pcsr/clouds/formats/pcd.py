@@ -9,7 +9,7 @@ import numpy as np
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.columns import NORMALS, native, spread, unused
-from pcsr.clouds.formats.colours import in_bytes
+from pcsr.clouds.formats.colours import in_bytes, unpacked
 from pcsr.clouds.formats.digits import cast_column, load_rows, words
 from pcsr.clouds.formats.pcd_header import VIEWPOINT, Header, parse
 from pcsr.clouds.formats.precision import coordinates
@@ -39,7 +39,7 @@ def read(data: bytes) -> Cloud:
             continue
         if packed and column.dtype.itemsize == 4 and column.ndim == 1:
             about["packed"] = [name.lower(), column.dtype.str[1:]]
-            colours = _unpacked(column)
+            colours = unpacked(column)
             colours = colours if name.lower() == "rgba" else colours[:, :3]
             for colour, part in zip(("red", "green", "blue", "alpha"), colours.T, strict=False):
                 columns[unused(colour, columns)] = np.ascontiguousarray(part)
@@ -120,12 +120,6 @@ def _text(data: bytes, header: Header) -> list[np.ndarray]:
         np.ascontiguousarray(block[:, 0] if one.count == 1 else block)
         for one, block in zip(header.fields, blocks, strict=True)
     ]
-
-
-def _unpacked(packed: np.ndarray) -> np.ndarray:
-    """Unpack red, green, blue and alpha from the bytes of 32-bit numbers 0xAARRGGBB."""
-    bits = packed.view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
-    return np.stack([(bits >> shift).astype(np.uint8) for shift in (16, 8, 0, 24)], axis=-1)
 
 
 def write(cloud: Cloud) -> bytes:

@@ -11,12 +11,14 @@ from jaxtyping import Float
 
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.faults import Bad
+from pcsr.clouds.formats import rosbag
 from pcsr.clouds.formats.beginnings import check_start
-from pcsr.clouds.formats.format_table import TEXT_READERS, check_columns, format_of, memory, reader
+from pcsr.clouds.formats.format_table import ROSBAG, TEXT_READERS, check_columns, format_of, memory, reader
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.geometry.checks import check_cloud
 from pcsr.inputs import HEAD, Readable, read_bytes, read_pipe
 from pcsr.limits import LARGEST_PIPE
+from pcsr.ros.paths import bag_and_topic
 
 TOO_LARGE = "convert it to LAS, LAZ, binary PLY or NPY, which `pcsr upsample` reads in parts, or split it"
 """Remedy for files that do not fit into memory."""
@@ -31,10 +33,10 @@ def read_cloud(
     bad: Bad = "refuse",
     columns: str | Sequence[str] | None = None,
 ) -> Cloud:
-    """Read a cloud with all of its columns from a file; of a mesh, the vertices.
+    """Read a cloud with all of its columns from a file; of a mesh, the vertices; of a ROS bag, the last of a topic.
 
     Args:
-        path: path of the file.
+        path: path of the file; that of a bag may end with a topic: scan.mcap:/camera/points.
         suffix: suffix or name of the format, such as ".ply" or "kitti"; by default that of the path's name.
         bad: treatment of points that are not finite. "refuse" raises an error; "drop" removes them and puts their
             number into `about["dropped"]`; "keep" leaves them in the cloud. `pcsr.clouds.faults.screen` finds other
@@ -53,6 +55,9 @@ def read_cloud(
         PcsrWarning: the file was read in part, or its meaning was guessed.
     """
     kind, name = format_of(path, suffix), str(path)
+    if kind == ROSBAG:
+        check_columns(columns, kind, name)
+        return _complete(_read_bag(path, name), name, bad)
     read = _reader(kind, name, columns)
     return _complete(_read(_content(path, kind), kind, name, read), name, bad)
 
@@ -105,10 +110,13 @@ def read_points(
         PcsrWarning: as `read_cloud`.
     """
     kind, name = format_of(path, suffix), str(path)
-    read = _reader(kind, name, None)
-    if kind in TEXT_READERS:
-        read = partial(TEXT_READERS[kind], columns=columns, all_columns=False)
-    cloud = _read(_content(path, kind), kind, name, read)
+    if kind == ROSBAG:
+        cloud = _read_bag(path, name)
+    else:
+        read = _reader(kind, name, None)
+        if kind in TEXT_READERS:
+            read = partial(TEXT_READERS[kind], columns=columns, all_columns=False)
+        cloud = _read(_content(path, kind), kind, name, read)
     check_cloud(cloud.points, name)
     return cloud.points
 
@@ -130,11 +138,21 @@ def _reader(kind: str, name: str, columns: str | Sequence[str] | None) -> Callab
 
 
 def _read(data: bytes, kind: str, name: str, read: Callable[[bytes], Cloud]) -> Cloud:
-    """Read a cloud, and warn of what the reader left out or guessed."""
+    """Read a cloud from the content of a file, and warn of what the reader left out or guessed."""
     check_start(data[:HEAD], kind, name)
+    return _checked(partial(read, data), kind, name)
+
+
+def _read_bag(path: Path, name: str) -> Cloud:
+    """Read a cloud of a bag, and warn of what was left out."""
+    bag, topic = bag_and_topic(path) or (path, None)
+    return _checked(partial(rosbag.read, bag, topic), ROSBAG, name)
+
+
+def _checked(read: Callable[[], Cloud], kind: str, name: str) -> Cloud:
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond doubles are found later, as not finite
-            cloud = read(data)
+            cloud = read()
     except UserError as error:
         reason = str(error).encode("utf-8", "replace").decode()  # may quote long or broken text of the file
         raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
@@ -148,7 +166,7 @@ def _read(data: bytes, kind: str, name: str, read: Callable[[bytes], Cloud]) -> 
     if not len(cloud):
         raise UserError(f"{name} holds no points")
     for note in cloud.about.get("notes", ()):
-        warnings.warn(f"{name}: {note}", PcsrWarning, stacklevel=3)
+        warnings.warn(f"{name}: {note}", PcsrWarning, stacklevel=4)
     return cloud
 
 

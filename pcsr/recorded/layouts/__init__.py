@@ -6,13 +6,15 @@ from typing import Any
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError, did_you_mean
+from pcsr.recorded.fields import LayoutOptions
 from pcsr.recorded.layouts import gsrobotics, normalflow, pterotactyl, smith_2020, ycb_slide
-from pcsr.recorded.manifest import Strict, checked
+from pcsr.recorded.manifest import checked
+from pcsr.recorded.other_files import remedy_for_layout
 from pcsr.validation_messages import shown
 
 Read = Callable[[Path, Any], Iterator[tuple[str, Touch | str]]]
 
-LAYOUTS: dict[str, tuple[type[Strict], Read]] = {
+LAYOUTS: dict[str, tuple[type[LayoutOptions], Read]] = {
     "gsrobotics": (gsrobotics.Options, gsrobotics.read),
     "normalflow": (normalflow.Options, normalflow.read),
     "pterotactyl": (pterotactyl.Options, pterotactyl.read),
@@ -22,19 +24,29 @@ LAYOUTS: dict[str, tuple[type[Strict], Read]] = {
 """Layouts by name: model of the options, and reader."""
 
 
-def read(folder: Path, layout: dict[str, Any]) -> Iterator[tuple[str, Touch | str]]:
+def options(layout: dict[str, Any]) -> LayoutOptions:
+    """Validate the name and the options of a layout, from the manifest.
+
+    Raises:
+        UserError: the layout is unknown, or its options have mistakes.
+    """
+    name = layout.get("name")
+    if not isinstance(name, str) or name not in LAYOUTS:
+        remedy = remedy_for_layout(name) if isinstance(name, str) else None
+        remedy = remedy or did_you_mean(shown(name), LAYOUTS)
+        raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {remedy}")
+    written = {key: value for key, value in layout.items() if key != "name"}
+    return checked(LAYOUTS[name][0], written, "layout")
+
+
+def read(folder: Path, options: LayoutOptions) -> Iterator[tuple[str, Touch | str]]:
     """Read the touches of a folder: yield the name of each, with the touch or the reason why it is unusable.
 
     Args:
         folder: folder with the files of one object.
-        layout: name and options of the layout, from the manifest.
+        options: options of the layout.
 
     Raises:
-        UserError: the layout is unknown, its options have mistakes, or the folder holds no files of this layout.
+        UserError: the folder holds no files of this layout.
     """
-    name = layout.get("name")
-    if not isinstance(name, str) or name not in LAYOUTS:
-        raise UserError(f"touches.json: layout.name: no layout {shown(name)}: {did_you_mean(shown(name), LAYOUTS)}")
-    options, read_folder = LAYOUTS[name]
-    options_written = {key: value for key, value in layout.items() if key != "name"}
-    return read_folder(folder, checked(options, options_written, "layout"))
+    return next(read_folder for kind, read_folder in LAYOUTS.values() if type(options) is kind)(folder, options)

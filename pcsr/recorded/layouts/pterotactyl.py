@@ -14,13 +14,13 @@ from pydantic import Field
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.recorded.fields import LayoutOptions
 from pcsr.recorded.layouts.arrays import METRE, in_order, joined, numbers
-from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import check_matrix, in_object, offset_z, rotation_from
 
 
-class Options(Strict):
+class Options(LayoutOptions):
     """Options of this layout in the manifest."""
 
     per: Literal["grasp", "finger"] = "grasp"

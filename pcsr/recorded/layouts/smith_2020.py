@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.recorded.fields import LayoutOptions
 from pcsr.recorded.layouts.arrays import METRE, in_order, joined, numbers
-from pcsr.recorded.manifest import Strict
 from pcsr.recorded.pickles.unpickle import load_numpy
 from pcsr.recorded.pose import in_object, rotation_from
 from pcsr.validation_messages import shown
@@ -27,7 +27,7 @@ LIFT = (0.0, 0.0, 0.6)
 KEYS = ("cam_pos", "cam_rot", "touch_success", "points")
 
 
-class Options(Strict):
+class Options(LayoutOptions):
     """Options of this layout in the manifest."""
 
     per: Literal["grasp", "finger"] = "grasp"

@@ -2,13 +2,14 @@ import json
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from pcsr import UserError
 from pcsr.recorded import read
-from pcsr.sensors.integration import integrated
+from tests.recorded.pressed import PITCH, RADIUS, pressed
+from tests.sensors.other_programs import gs_sdk
 
-PITCH = 0.0634
 STILL = {"translation": [0, 0, 0], "quaternion": [0, 0, 0, 1], "order": "xyzw"}
 
 
@@ -74,20 +75,61 @@ def test_later_frames_move_with_the_sensor(trial):
     np.testing.assert_allclose(touch.points, np.stack([1 - y, 2 + x, 3 + z], axis=-1), atol=0.1 * PITCH)
 
 
-def test_motions_are_of_surfaces_that_are_0_on_average(trial):
-    # The sensor goes on turning about an axis through that average: a second frame with a larger dent
-    # has another average, and what its motion says must be said of that.
-    _, slopes, mask = dent()
-    turned = np.eye(4)
-    turned[:3, :3] = Rotation.from_euler("x", 90, degrees=True).as_matrix()
-    np.save(trial / "gradient_maps.npy", np.stack([slopes, 2 * slopes]))
-    np.save(trial / "nf_start_T_currs.npy", np.stack([np.eye(4), turned]))
-    touch = say(trial).touches[1]
-    v, u = np.nonzero(mask)
-    average = [integrated(k * slopes) * PITCH for k in (1, 2)]
-    cloud = np.stack([(u - 19.5) * PITCH, (v - 14.5) * PITCH, average[1][mask]], axis=-1)
-    face = np.median(average[0][~mask])
-    np.testing.assert_allclose(touch.points, cloud @ turned[:3, :3].T - [0, 0, face], atol=1e-12)
+def frames():
+    """Three presses of a ball: indentation in mm, contact, and the ball's centre in the sensor's frame."""
+    for press, row, column in ((0.6, 60.0, 80.0), (0.5, 55.0, 92.0), (0.75, 66.0, 74.0)):
+        indentation, contact = pressed(press, middle=(row, column))
+        yield indentation, contact, np.array([(column - 79.5) * PITCH, (row - 59.5) * PITCH, RADIUS - press])
+
+
+def remapped(image, points):
+    """Values of an image where points in mm are."""
+    places = points[:, 1] / PITCH + 59.5, points[:, 0] / PITCH + 79.5
+    return ndimage.map_coordinates(image.astype(float), places, order=1)
+
+
+def tracked(folder, poses):
+    """Write the frames as a trial, with motions whose z is found as NormalFlow finds it; the true motions."""
+    slopes, masks, exact, motions = [], [], [], []
+    clouds, heights, centres = [], [], []
+    for (indentation, contact, centre), turn in zip(frames(), ([0, 0, 0], [3, -2, 15], [-2, 4, -10]), strict=True):
+        slopes.append(np.stack(np.gradient(-indentation / PITCH)[::-1], axis=-1))
+        masks.append(contact)
+        heights.append(gs_sdk(slopes[-1]) * PITCH)
+        v, u = np.nonzero(contact)
+        clouds.append(np.stack([(u - 79.5) * PITCH, (v - 59.5) * PITCH, heights[-1][contact]], axis=-1))
+        centres.append(centre)
+        to_frame = np.eye(4)  # from the first frame
+        to_frame[:3, :3] = Rotation.from_euler("xyz", turn, degrees=True).as_matrix()
+        to_frame[:3, 3] = centre - to_frame[:3, :3] @ centres[0]
+        exact.append(np.linalg.inv(to_frame))
+        points = clouds[0] @ to_frame[:3, :3].T + [*to_frame[:2, 3], 0]
+        both = remapped(contact, points) > 0.5
+        to_frame[2, 3] = (remapped(heights[-1], points) - points[:, 2])[both].mean()
+        motions.append(np.linalg.inv(to_frame))
+        motions[-1][:3, 3] /= 1000
+    np.save(folder / "gradient_maps.npy", np.array(slopes))
+    np.save(folder / "contact_masks.npy", np.array(masks))
+    np.save(folder / f"{poses}_start_T_currs.npy", np.array(motions))
+    return exact, centres[0]
+
+
+def test_tracked_frames_lie_on_one_surface(tmp_path):
+    exact, centre = tracked(tmp_path, "nf")
+    recording = say(tmp_path)
+    off = [np.linalg.norm(touch.points - centre, axis=1) - RADIUS for touch in recording.touches]
+    assert max(abs(one.mean()) for one in off) < 0.003
+    for touch, motion in zip(recording.touches, exact, strict=True):
+        np.testing.assert_allclose(touch.poses[0, :3, 3], motion[:3, 3], atol=0.005)
+
+
+def test_measured_motions_stay_as_they_are(tmp_path):
+    exact, _ = tracked(tmp_path, "true")
+    motions = np.load(tmp_path / "true_start_T_currs.npy")
+    recording = say(tmp_path)
+    for touch, motion, tracked_exact in zip(recording.touches, motions, exact, strict=True):
+        np.testing.assert_allclose(touch.poses[0, :3, 3], motion[:3, 3] * 1000, atol=1e-12)
+        assert np.array_equal(motion, np.eye(4)) or abs(motion[2, 3] * 1000 - tracked_exact[2, 3]) > 0.02
 
 
 def test_every_so_many_frames_are_touches(trial):
@@ -131,6 +173,11 @@ def test_files_that_do_not_fit_together_are_refused(trial):
     (trial / "contact_masks.npy").unlink()
     with pytest.raises(UserError, match=r"contact_masks\.npy cannot be read: No such file"):
         say(trial)
+
+
+def test_pixels_per_mm_are_named(trial):
+    with pytest.raises(UserError, match=r"18\.6 looks like pixels per mm"):
+        say(trial, mm_per_pixel=18.6)
 
 
 def test_slopes_that_are_not_finite_are_refused(trial):

@@ -9,8 +9,9 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from pcsr import UserError
+from pcsr import PoseError, UserError
 from pcsr.recorded import read
+from tests.recorded.pressed import pressed
 
 SHAPE = (32, 24)
 FOCAL = 0.5 * 32 / np.tan(np.pi / 6)
@@ -99,6 +100,20 @@ def test_a_simulated_slide_is_placed_by_its_cameras(simulated):
         np.testing.assert_allclose(touch.poses[0] @ [0, 0, 22, 1], [*row[:3], 1])  # the camera is behind it
 
 
+def test_the_measured_poses_are_those_of_the_face_and_have_a_known_error(simulated):
+    assert say(simulated).pose_error is None
+    recording = say(simulated, poses="measured")
+    assert recording.pose_error == PoseError(0.5, 1.0)
+    for row, touch in zip(poses(3, 2), recording.touches, strict=True):
+        np.testing.assert_allclose(touch.poses[0] @ [0, 0, 0, 1], [*row[:3], 1])
+        expected = (seen(100) + np.array([0, 0, 0.022])) @ matrix(row)[:3, :3].T + row[:3]
+        np.testing.assert_allclose(touch.points, expected, atol=1e-12)
+    layout = {"name": "ycb-slide", "kind": "simulated", "poses": "measured"}
+    stated = {"format": 1, "layout": layout, "pose_error": {"position": 1, "rotation": 3}}
+    (simulated / "touches.json").write_text(json.dumps(stated))
+    assert read(simulated).pose_error == PoseError(1.0, 3.0)
+
+
 def test_every_so_many_frames_are_touches(simulated):
     assert say(simulated, every=2).names == ["0.jpg", "2.jpg"]
 
@@ -147,16 +162,27 @@ def test_contact_is_counted_from_the_background(real):
         say(real, contact_above=0.31, **options)
 
 
+def test_contact_is_found_above_the_background(real):
+    dome = np.linspace(0, 80, 24).astype(np.uint8) * np.ones((32, 1), np.uint8)
+    picture(real / "bg.png", dome)
+    indentation, contact = pressed(0.5, middle=(16, 12), shape=SHAPE)
+    levels = np.round(indentation / 0.03).astype(np.uint8)
+    for index in range(2):
+        Image.fromarray(dome + levels).save(real / "heights" / f"frame_{index:07d}.jpg", "PNG")
+    touches = say(real, kind="real", heights="heights", background="bg.png").touches
+    assert [len(touch.points) for touch in touches] == [(levels > 0.4 * levels.max()).sum()] * 2
+    assert (levels > 0.4 * levels.max()).sum() == pytest.approx(contact.sum(), rel=0.15)
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"kind": "real"}, "a real slide holds camera images, from which pcsr reconstructs no geometry"),
-        ({"kind": "real", "heights": "h"}, "give one of masks and contact_above"),
-        ({"kind": "real", "heights": "h", "masks": "m", "contact_above": 1}, "give one of masks and contact_above"),
-        (
-            {"kind": "real", "heights": "h", "masks": "m", "background": "b"},
-            "background is used with contact_above only",
-        ),
+        ({"kind": "real"}, r"a real slide holds camera images: .* or calibrate the sensor \(pcsr sensor calibrate\)"),
+        ({"kind": "real", "heights": "h"}, "the contact of a real slide is unknown: give masks or background"),
+        ({"kind": "real", "heights": "h", "masks": "m", "contact_above": 1}, "masks show the contact: leave out"),
+        ({"kind": "real", "heights": "h", "masks": "m", "background": "b"}, "masks show the contact: leave out"),
+        ({"kind": "real", "heights": "h", "masks": "m", "poses": "camera"}, "poses chooses between those of a sim"),
+        ({"poses": "gel"}, "layout.poses: it must be 'camera' or 'measured', got 'gel'"),
         ({"alignment": "a"}, "a simulated slide has its own heights and masks: leave out alignment"),
         ({"heights": "h"}, "a simulated slide has its own heights and masks: leave out heights"),
         ({"kind": "virtual"}, "layout.kind: it must be 'simulated' or 'real', got 'virtual'"),
@@ -209,8 +235,14 @@ def test_an_alignment_moves_what_was_felt(real):
     ):
         np.testing.assert_allclose(after.points, before.points + alignment[:3, 3])
         np.testing.assert_array_equal(after.poses[0, :3, :3], before.poses[0, :3, :3])  # it turns nothing
-    np.save(real / "alignment.npy", 2 * alignment)
-    assert "alignment.npy: its last row" in say_why(real, alignment="alignment.npy", **options)
+    slide = real / "dataset_0"
+    slide.mkdir()
+    for name in ("heights", "masks", "synced_data.npy"):
+        (real / name).rename(slide / name)
+    moved = say(slide, alignment="alignment.npy", **options).touches  # it lies one folder up, as in the data set
+    np.testing.assert_array_equal(moved[-1].points, after.points)
+    np.save(slide / "alignment.npy", 2 * alignment)
+    assert "alignment.npy: its last row" in say_why(slide, alignment="alignment.npy", **options)
 
 
 def say_why(folder, **options):

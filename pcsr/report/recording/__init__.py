@@ -1,0 +1,1 @@
+"""What a recording of touches holds, and what is odd about it."""

@@ -1,0 +1,175 @@
+"""Calibration of a tactile sensor from images of a ball that is pressed into its gel."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pcsr.errors import UserError
+from pcsr.sensors.calibration import Calibration, coarse
+from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
+from pcsr.sensors.fitting import Fit, Place, fit
+from pcsr.sensors.gels import Gel
+from pcsr.sensors.held_out import measured
+from pcsr.sensors.images import Image
+from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
+
+FEWEST = 5
+"""Least number of usable presses."""
+FOLDS = 10
+"""Greatest number of fits for the errors on held-out presses."""
+ODD = 3.0
+"""A press whose slopes deviate from a ball's by this many times the median deviation is refused."""
+ODD_ANGLE = np.radians(6.0)
+"""Deviation in radians up to which no press is refused."""
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration, and how it was made."""
+
+    calibration: Calibration
+    places: dict[str, tuple[Press, Place]]
+    """Each press that the calibration was fitted to, and where its ball was found, by name."""
+    held_out: list[PressFigures]
+    """Each held-out press, measured by a calibration that was fitted without it."""
+    refused: dict[str, str]
+    """Names of presses that cannot be used, with the reasons."""
+
+
+def median_background(images: Sequence[Image]) -> Image:
+    """Return the median of presses at different places, which shows the untouched gel.
+
+    Raises:
+        UserError: there are fewer than 5 images, or their sizes differ.
+    """
+    if len(images) < FEWEST:
+        raise UserError(f"the median of {len(images)} presses is no background: give {FEWEST}, or a background")
+    if len({image.shape for image in images}) > 1:
+        sizes = sorted({f"{image.shape[1]} x {image.shape[0]}" for image in images})
+        raise UserError(f"the presses have different sizes in pixels, {' and '.join(sizes)}: use images of one size")
+    median: Image = np.median(np.stack(images), axis=0).astype(np.uint8)
+    return median
+
+
+def calibrate(
+    presses: Sequence[PressImage],
+    background: Image,
+    *,
+    mm_per_pixel: float,
+    sensor: str,
+    gel: Gel,
+    test: Sequence[PressImage] = (),
+    count: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Calibrated:
+    """Calibrate a tactile sensor.
+
+    Args:
+        presses: images of one ball, or balls of several diameters, pressed into the gel at places spread over it.
+        background: image of the untouched gel.
+        mm_per_pixel: side of a pixel on the gel.
+        sensor: name of the sensor.
+        gel: shape of its gel.
+        test: presses that are held out: the errors are measured on them.
+        count: number of presses to fit, spread over the gel; the others are held out. None: all. If no press is held
+            out, the errors are measured by cross-validation: each press with a calibration that was fitted without it.
+        progress: called with the number of finished fits and their total.
+
+    Raises:
+        UserError: fewer than 5 presses can be used; the message lists the reasons.
+
+    Examples:
+        >>> from pcsr.sensors import PressImage, calibrate, gel
+        >>> presses = [PressImage(path.name, pcsr.sensors.read_rgb(path), 6.0) for path in Path("presses").iterdir()]
+        >>> background = pcsr.sensors.read_rgb("background.png")
+        >>> made = calibrate(presses, background, mm_per_pixel=0.1, sensor="my-sensor", gel=gel("my-sensor"))
+        >>> made.calibration.figures.radius_median < 0.1
+        True
+    """
+    refused: dict[str, str] = {}
+    usable = _usable(presses, background, mm_per_pixel, refused)
+    held = _usable(test, background, mm_per_pixel, refused)
+    radii = gel.radii(background.shape[1], background.shape[0])
+    sag = np.zeros(2) if radii is None else mm_per_pixel / np.array(radii)
+    chosen, whole = _fitted(usable, count, sag, refused)
+    held += [press for press in usable if press not in chosen and press.name not in refused]
+    folds = [] if held else [chosen[first::FOLDS] for first in range(min(FOLDS, len(chosen)))]
+
+    def made(fitted: Fit, figures: Figures) -> Calibration:
+        rows, columns = background.shape[:2]
+        return Calibration(sensor, gel, columns, rows, mm_per_pixel, fitted.coefficients, figures, coarse(background))
+
+    progress(1, 1 + len(folds))
+    results = list(_measured(made(whole, NO_FIGURES), held, refused))
+    for number, fold in enumerate(folds):
+        part = fit([press for press in chosen if press not in fold], sag)
+        results += _measured(made(part, NO_FIGURES), fold, refused)
+        progress(2 + number, 1 + len(folds))
+    if not results:
+        raise UserError(f"none of {len(held) or len(chosen)} held-out presses shows a whole ball{_reasons(refused)}")
+    places = {press.name: (press, place) for press, place in zip(chosen, whole.places, strict=True)}
+    return Calibrated(made(whole, summary(results)), places, results, refused)
+
+
+def _usable(
+    presses: Sequence[PressImage], background: Image, mm_per_pixel: float, refused: dict[str, str]
+) -> list[Press]:
+    """Return the presses that show a changed region, and add the reasons of the others to `refused`."""
+    usable = []
+    for press in presses:
+        try:
+            usable.append(press_of(press, background, mm_per_pixel))
+        except UserError as error:
+            refused[press.name] = str(error)
+    return usable
+
+
+def _fitted(
+    presses: Sequence[Press], count: int | None, sag: Float[np.ndarray, "2"], refused: dict[str, str]
+) -> tuple[list[Press], Fit]:
+    """Fit presses that are spread over the gel, and refuse those that show no whole ball until none is left."""
+    left = list(presses)
+    while len(left) >= FEWEST:
+        order = spread(np.array([press.centre for press in left]), len(left) if count is None else count)
+        chosen = [left[index] for index in order]
+        fitted = fit(chosen, sag)
+        reasons = _odd(chosen, fitted)
+        if not reasons:
+            return chosen, fitted
+        refused.update(reasons)
+        left = [press for press in left if press.name not in reasons]
+    raise UserError(
+        f"{len(left)} of {len(presses) + len(refused) - len(set(refused) & {p.name for p in presses})} presses can be "
+        f"used, and a calibration needs {FEWEST}, better 12, spread over the gel{_reasons(refused)}"
+    )
+
+
+def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
+    """Return the reasons of the presses that show no whole ball, by name."""
+    usual = float(np.median([place.residual for place in fitted.places]))
+    reasons = {}
+    for press, place in zip(presses, fitted.places, strict=True):
+        if cut_off(press, place.centre, place.rim):
+            reasons[press.name] = CUT_OFF
+        elif place.residual > max(ODD * usual, ODD_ANGLE):
+            reasons[press.name] = (
+                f"its slopes deviate by {np.degrees(place.residual):.0f} degrees from those of a ball of "
+                f"{press.diameter:g} mm, and the others' by {np.degrees(usual):.0f}: it shows something else, or a "
+                f"ball of another diameter"
+            )
+    return reasons
+
+
+def _measured(calibration: Calibration, presses: Sequence[Press], refused: dict[str, str]) -> Iterator[PressFigures]:
+    for press in presses:
+        try:
+            yield measured(calibration, press)
+        except UserError as error:
+            refused[press.name] = str(error)
+
+
+def _reasons(refused: dict[str, str]) -> str:
+    """Return the reasons of refused presses, a line each."""
+    return "".join(f"\n  {name}: {reason}" for name, reason in refused.items())

@@ -1,0 +1,156 @@
+"""Calibration of a tactile sensor: converts its images to indentations and points in contact."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pcsr.errors import UserError
+from pcsr.sensors import polynomial
+from pcsr.sensors.colour import changed, colour_change
+from pcsr.sensors.contact import in_contact
+from pcsr.sensors.figures import Figures
+from pcsr.sensors.gels import Gel
+from pcsr.sensors.images import Image
+from pcsr.sensors.integration import integrated
+from pcsr.sensors.reading import Reading
+
+SHALLOWEST = 0.05
+"""Greatest indentation, in millimetres, up to which an image shows no contact."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Calibration of a camera-based tactile sensor, such as a DIGIT or a GelSight.
+
+    `pcsr.sensors.calibrate` makes one from images of a ball that is pressed into the gel.
+
+    Examples:
+        >>> calibration = pcsr.sensors.Calibration.load("my-sensor.json")
+        >>> image, background = pcsr.sensors.read_rgb("bolt.png"), pcsr.sensors.read_rgb("background.png")
+        >>> reading = calibration.read(image, background)
+        >>> reading.points.shape[1], reading.errors.shape == reading.points.shape[:1]
+        (3, True)
+    """
+
+    sensor: str
+    """Name of the sensor."""
+    gel: Gel
+    """Shape of the gel."""
+    columns: int
+    """Width of the images in pixels."""
+    rows: int
+    """Height of the images in pixels."""
+    mm_per_pixel: float
+    """Side of a pixel on the gel."""
+    coefficients: Float[np.ndarray, "k 2"]
+    """Coefficients of the polynomials of the slopes along x and y: see `pcsr.sensors.polynomial`."""
+    figures: Figures
+    """Errors on held-out presses."""
+    background: Float[np.ndarray, "r c 3"]
+    """Mean colours of the background of the calibration in a coarse grid, by which another sensor's is recognized."""
+
+    @staticmethod
+    def load(path: Path | str) -> "Calibration":
+        """Read a calibration from a JSON file.
+
+        Raises:
+            UserError: the file does not exist, is damaged, or holds numbers that no calibration has.
+        """
+        from pcsr.sensors.calibration_file import load
+
+        return load(Path(path))
+
+    def save(self, path: Path | str) -> None:
+        """Write the calibration to a JSON file.
+
+        Raises:
+            RunError: the file cannot be written.
+        """
+        from pcsr.sensors.calibration_file import save
+
+        save(self, Path(path))
+
+    def slopes(
+        self, change: Float[np.ndarray, "rows columns 3"]
+    ) -> tuple[Float[np.ndarray, "rows columns 2"], Bool[np.ndarray, "rows columns"]]:
+        """Compute the slopes of the indentation along x (columns) and y (rows).
+
+        Args:
+            change: change of colour in per cent, of `pcsr.sensors.colour.colour_change`.
+
+        Returns:
+            The slopes, 0 where the colour did not change; and the mask of the pixels where it did.
+        """
+        touched = changed(change)
+        rows, columns = np.nonzero(touched)
+        found = np.zeros((*touched.shape, 2))
+        values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
+        found[rows, columns] = polynomial.slopes(values, self.coefficients)
+        return found, touched
+
+    def read(self, image: Image, background: Image) -> Reading:
+        """Measure a touch.
+
+        Args:
+            image: camera image of the touch.
+            background: image of the untouched gel by the same sensor, best of the same minute.
+
+        Raises:
+            UserError: the size of an image is not that of the calibration; an image is black, saturated, or changed
+                almost everywhere; the background is of another sensor; or there is no contact.
+        """
+        self._check(image, background)
+        slopes, touched = self.slopes(colour_change(image, background))
+        indentation = integrated(slopes) * self.mm_per_pixel
+        indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
+        contact = in_contact(indentation, at_least=SHALLOWEST)
+        if not contact.any():
+            raise UserError(
+                f"no contact: the gel is indented by {max(0.0, indentation.max()):.2f} mm at most, less than "
+                f"{SHALLOWEST} mm"
+            )
+        deepest = indentation[contact].max()
+        if self.gel.thickness is not None and deepest > self.gel.thickness:
+            raise UserError(
+                f"it is indented by {deepest:.1f} mm, but the gel is {self.gel.thickness} mm thick: its background or "
+                f"calibration is of another sensor"
+            )
+        rows, columns = np.nonzero(contact)
+        plane = np.column_stack([columns - (self.columns - 1) / 2, (self.rows - 1) / 2 - rows]) * self.mm_per_pixel
+        depth = indentation[contact]
+        return Reading(
+            indentation=indentation,
+            contact=contact,
+            points=np.column_stack([plane, depth - self.gel.sag(plane, self.columns, self.rows)]),
+            errors=self.figures.errors(depth),
+            area=float(contact.sum()) * self.mm_per_pixel**2,
+            view=None if self.gel.dome else (self.columns * self.mm_per_pixel, self.rows * self.mm_per_pixel),
+        )
+
+    def _check(self, image: Image, background: Image) -> None:
+        for one, what in ((image, "it"), (background, "its background")):
+            if one.shape[:2] != (self.rows, self.columns):
+                raise UserError(
+                    f"{what} has {one.shape[1]} x {one.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
+                    f"is for {self.columns} x {self.rows}: use images as the calibration had"
+                )
+        apart = float(np.abs(coarse(background) - self.background).mean() / self.background.mean())
+        if apart > OTHER_SENSOR:
+            raise UserError(
+                f"its background differs by {apart:.0%} from that of the calibration: it is of another sensor than "
+                f"'{self.sensor}', or of another light; calibrate that one"
+            )
+
+
+OTHER_SENSOR = 0.4
+"""Mean difference of two backgrounds' colours, as a share of their mean, above which they are of different sensors."""
+GRID = (6, 8)
+"""Rows and columns of the coarse grid of a background."""
+
+
+def coarse(background: Image) -> Float[np.ndarray, "r c 3"]:
+    """Return the mean colours of a background in a coarse grid."""
+    parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(background, GRID[0], axis=0)]
+    return np.array([[part.mean((0, 1)) for part in row] for row in parts])
