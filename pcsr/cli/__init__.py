@@ -46,6 +46,7 @@ COMMANDS = {
     "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Check recordings of touches."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
     "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Import touches that a robot recorded."),
+    "sensor": BuiltIn("pcsr.cli.sensor:sensor", "Calibrate camera-based tactile sensors and read their images."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List, check and write plugins and their parts."),
 }
