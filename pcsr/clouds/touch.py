@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from pcsr.errors import UserError
@@ -44,6 +44,11 @@ class Touch:
     None if that is unknown or the gel is curved. Beside the contact but in view the sensor touched nothing, which tells
     where the object ends.
     """
+    errors: Float[np.ndarray, " m"] | None = None
+    """Expected error of each point by the sensor, one standard deviation, in the object's unit; None if unknown.
+
+    It does not contain the error of the pose.
+    """
 
     @classmethod
     def single(
@@ -54,6 +59,7 @@ class Touch:
         sensor: str,
         contact_area: float | None = None,
         view: tuple[float, float] | None = None,
+        errors: Float[np.ndarray, " m"] | None = None,
     ) -> "Touch":
         """Create the touch of a single finger.
 
@@ -64,6 +70,7 @@ class Touch:
             sensor: name of the sensor.
             contact_area: area of the contact in square millimetres; None if unknown.
             view: sides of the part of a flat gel that the sensor sees, in millimetres; None if unknown.
+            errors: expected error of each point by the sensor, in the object's unit; None if unknown.
 
         Examples:
             >>> touch = Touch.single(np.zeros((5, 3)), pose=np.eye(4), unit=1.0, sensor="digit")
@@ -72,14 +79,14 @@ class Touch:
         """
         poses = np.zeros((0, 4, 4)) if pose is None else np.asarray(pose, np.float64)[None]
         finger = np.zeros(len(points), np.int64)
-        return cls(np.asarray(points, np.float64), finger, poses, unit, sensor, contact_area, view)
+        return cls(np.asarray(points, np.float64), finger, poses, unit, sensor, contact_area, view, errors)
 
     @classmethod
     def grasp(cls, fingers: Sequence["Touch"]) -> "Touch":
         """Combine the touches of several fingers into one grasp.
 
-        The contact area is the sum of the fingers' areas, or None if one of them is unknown. The view is that of all
-        fingers, or None if they differ.
+        The contact area is the sum of the fingers' areas, or None if one of them is unknown, and so are the errors of
+        the points. The view is that of all fingers, or None if they differ.
 
         Args:
             fingers: at least one touch; all in the same unit.
@@ -95,6 +102,7 @@ class Touch:
         if len({touch.unit for touch in fingers}) != 1:
             raise UserError(f"the fingers of a grasp need the same unit, got {[touch.unit for touch in fingers]} mm")
         before = np.cumsum([0, *(max(1, len(touch.poses)) for touch in fingers)])
+        errors = [touch.errors for touch in fingers if touch.errors is not None]
         areas = [touch.contact_area for touch in fingers if touch.contact_area is not None]
         return cls(
             points=np.concatenate([touch.points for touch in fingers]),
@@ -104,7 +112,22 @@ class Touch:
             sensor="+".join(dict.fromkeys(touch.sensor for touch in fingers)),
             contact_area=sum(areas) if len(areas) == len(fingers) else None,
             view=fingers[0].view if len({touch.view for touch in fingers}) == 1 else None,
+            errors=np.concatenate(errors) if len(errors) == len(fingers) else None,
         )
+
+    def subset(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " m"]) -> "Touch":
+        """Return the touch with some of its points.
+
+        Args:
+            rows: indices of the points, or a mask of them.
+
+        Examples:
+            >>> touch = Touch.single(np.arange(9.0).reshape(3, 3), None, 1.0, "digit")
+            >>> touch.subset(np.array([2, 0])).points[:, 0]
+            array([6., 0.])
+        """
+        errors = None if self.errors is None else self.errors[rows]
+        return replace(self, points=self.points[rows], finger=self.finger[rows], errors=errors)
 
     def resampled(self, count: int, rng: np.random.Generator) -> "Touch":
         """Draw exactly `count` of the points at random.
@@ -127,7 +150,7 @@ class Touch:
         if n == 0:
             raise UserError(f"a touch by '{self.sensor}' has no points: there is nothing to draw {count} from")
         drawn = np.concatenate([rng.permutation(n) for _ in range(-(-count // n))])[:count]
-        return replace(self, points=self.points[drawn], finger=self.finger[drawn])
+        return self.subset(drawn)
 
 
 def covered_area_share(touches: Sequence[Touch], area: float) -> float:

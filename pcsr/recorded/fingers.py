@@ -5,16 +5,20 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.clouds.formats import read_points
+from pcsr.clouds.cloud import Cloud
+from pcsr.clouds.formats import read_cloud
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.files import inside
+from pcsr.recorded.camera_images import image_touch
 from pcsr.recorded.gel_images import Contact, depth_touch, height_touch
-from pcsr.recorded.manifest import CloudEntry, DepthEntry, Entry, HeightEntry, RecordingManifest
+from pcsr.recorded.manifest import CloudEntry, DepthEntry, Entry, HeightEntry, ImageEntry, RecordingManifest
 from pcsr.recorded.pose import rotation_from, sensor_to_object, transformed
 
 WIDER = 1.5
 """A touch may be this many times as wide as what its sensor sees."""
+ERROR = "error"
+"""Column of a cloud that holds the expected error of each point, in the cloud's unit."""
 
 
 def finger_touch(folder: Path, recorded: RecordingManifest, entry: Entry) -> Touch:
@@ -35,14 +39,37 @@ def finger_touch(folder: Path, recorded: RecordingManifest, entry: Entry) -> Tou
     # The axes "-z" are pcsr's own. Multiplying by the identity could change the sign of a zero.
     sensor_pose = pose if pose is None or recorded.axes == "-z" else pose @ rotation_from(recorded.axes)
     if isinstance(entry, CloudEntry):
-        points = np.zeros((0, 3)) if entry.cloud is None else read_points(inside(folder, entry.cloud))
-        points = _in_object(points, entry.unit or recorded.unit, recorded, pose)
+        cloud = Cloud(np.zeros((0, 3))) if entry.cloud is None else read_cloud(inside(folder, entry.cloud))
+        unit = entry.unit or recorded.unit
+        points = _in_object(cloud.points, unit, recorded, pose)
         _check_view(points, sensor_pose, entry.view)
-        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view)
+        errors = _errors(cloud, unit / recorded.object_unit)
+        return Touch.single(points, sensor_pose, recorded.object_unit, sensor, entry.contact_area, entry.view, errors)
     if sensor_pose is None:
         raise UserError("pose is missing: an image is in the frame of the sensor; add it")
-    touched, area, view = _contact(folder, entry, sensor)
-    return Touch.single(transformed(sensor_pose, touched), sensor_pose, recorded.object_unit, sensor, area, view)
+    errors = None
+    if isinstance(entry, ImageEntry):
+        reading = image_touch(folder, entry, recorded)
+        touched, area, view = reading.points, reading.area, reading.view
+        errors = reading.errors / recorded.object_unit
+    else:
+        touched, area, view = _contact(folder, entry, sensor)
+    points = transformed(sensor_pose, touched)
+    return Touch.single(points, sensor_pose, recorded.object_unit, sensor, area, view, errors)
+
+
+def _errors(cloud: Cloud, scale: float) -> Float[np.ndarray, " n"] | None:
+    """Return the column of the points' errors, times the scale; None if there is none.
+
+    Raises:
+        UserError: an error is negative or not finite.
+    """
+    if ERROR not in cloud.columns:
+        return None
+    errors = np.asarray(cloud.columns[ERROR], np.float64)
+    if errors.ndim != 1 or not (np.isfinite(errors) & (errors >= 0)).all():
+        raise UserError(f"column '{ERROR}' holds the expected error of each point: it must be finite, and 0 or more")
+    return errors * scale
 
 
 def _check_view(

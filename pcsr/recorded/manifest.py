@@ -85,6 +85,16 @@ class DepthEntry(Entry):
     background: str | None = None
 
 
+class ImageEntry(Entry):
+    """Touch that is recorded as the camera image of a calibrated sensor."""
+
+    image: str
+    background: str | None = None
+    """Image of the untouched gel; that of the recording by default."""
+    calibration: str | None = None
+    """File of the sensor's calibration; that of the recording by default."""
+
+
 class GraspEntry(Strict):
     """Touch of several fingers at once."""
 
@@ -126,6 +136,10 @@ class RecordingManifest(Manifest):
     pose_to: Literal["object", "world"] = "object"
     object_pose: Pose | None = None
     axes: Axis = "-z"
+    background: str | None = None
+    """Image of the untouched gel for touches that are images."""
+    calibration: str | None = None
+    """File of the sensor's calibration for touches that are images."""
     touches: Annotated[list[Any], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -145,6 +159,7 @@ ENTRIES: dict[str, type[Entry] | type[GraspEntry]] = {
     "cloud": CloudEntry,
     "height": HeightEntry,
     "depth": DepthEntry,
+    "image": ImageEntry,
     "fingers": GraspEntry,
 }
 

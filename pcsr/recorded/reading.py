@@ -187,7 +187,7 @@ def _name(value: Any) -> str | None:
     """Return the name of an entry, which may be invalid, or else its file."""
     if not isinstance(value, dict):
         return None
-    for key in ("name", "cloud", "height", "depth"):
+    for key in ("name", "cloud", "height", "depth", "image"):
         if isinstance(value.get(key), str):
             return str(value[key])
     fingers = value.get("fingers")
@@ -222,6 +222,6 @@ def _touch(folder: Path, recorded: RecordingManifest, entry: Entry | GraspEntry,
             raise UserError(
                 f"{MANIFEST}: {place}.order: it must contain the index of each of the {len(touch.points)} points once"
             )
-        touch = replace(touch, points=touch.points[order], finger=touch.finger[order])
+        touch = touch.subset(order)
     area = touch.contact_area if entry.contact_area is None else entry.contact_area
     return replace(touch, contact_area=area, sensor=entry.sensor or touch.sensor)

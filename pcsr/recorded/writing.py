@@ -13,6 +13,7 @@ from pcsr.clouds.formats import cloud_bytes
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
+from pcsr.recorded.fingers import ERROR
 from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import check_matrix
 
@@ -53,7 +54,7 @@ def write(
         raise UserError(f"{folder}: the touches of a recording must have the same unit, got units of {units} mm")
     if names is not None and len(names) != len(touches):
         raise UserError(f"{folder}: {len(names)} names for {len(touches)} touches: give one for each")
-    clouds: dict[str, np.ndarray] = {}
+    clouds: dict[str, Cloud | np.ndarray] = {}
     entries = [_entry(touch, str(index), clouds) for index, touch in enumerate(touches)]
     for index, (entry, touch) in enumerate(zip(entries, touches, strict=True)):
         entry |= {} if names is None else {"name": names[index]}
@@ -65,11 +66,11 @@ def write(
         "frame": "object",
         "sensor": touches[0].sensor,
     }
-    files = {file: partial(_content, file, array) for file, array in clouds.items()}
+    files = {file: partial(_content, data) for file, data in clouds.items()}
     write_folder(folder, manifest_text(head, entries, pose_error), files, overwrite=overwrite)
 
 
-def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, Any]:
+def _entry(touch: Touch, stem: str, clouds: dict[str, Cloud | np.ndarray]) -> dict[str, Any]:
     """Return the manifest's entry of a touch, and add the arrays of its files to `clouds`."""
     fingers = max(len(touch.poses), int(touch.finger.max(initial=0)) + 1)
     if len(touch.poses) not in (0, fingers) or len(touch.points) == 0 or not np.isfinite(touch.points).all():
@@ -85,11 +86,11 @@ def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, 
     order = np.argsort(touch.finger, kind="stable")
     parts: list[dict[str, Any]] = []
     for finger in range(fingers):
-        points = touch.points[touch.finger == finger]
+        own = touch.subset(touch.finger == finger)
         file = f"{stem}.ply" if fingers == 1 else f"{stem}_{finger}.ply"
-        if len(points):
-            clouds[file] = points
-        part: dict[str, Any] = {"cloud": file if len(points) else None, "unit": float(touch.unit)}
+        if len(own.points):
+            clouds[file] = Cloud(np.array(own.points, np.float64), {} if own.errors is None else {ERROR: own.errors})
+        part: dict[str, Any] = {"cloud": file if len(own.points) else None, "unit": float(touch.unit)}
         if touch.view is not None:
             part["view"] = [float(side) for side in touch.view]
         if len(touch.poses):
@@ -104,10 +105,10 @@ def _entry(touch: Touch, stem: str, clouds: dict[str, np.ndarray]) -> dict[str, 
     return {"fingers": parts, "order": f"{stem}_order.npy"} | area
 
 
-def _content(file: str, array: np.ndarray) -> bytes:
-    """Return the content of a data file: of a PLY with points, or an NPY with an array."""
-    if file.endswith(".ply"):
-        return cloud_bytes(Cloud(np.array(array, np.float64)), ".ply")
+def _content(data: Cloud | np.ndarray) -> bytes:
+    """Return the content of a data file: a PLY with points, or an NPY with an array."""
+    if isinstance(data, Cloud):
+        return cloud_bytes(data, ".ply")
     content = BytesIO()
-    np.save(content, array, allow_pickle=False)
+    np.save(content, data, allow_pickle=False)
     return content.getvalue()

@@ -63,11 +63,20 @@ def _check(touch: Touch, name: str) -> None:
         raise UserError(f"{name}: unit is {touch.unit!r}: it must be the length of its unit in mm, more than 0")
     if view is not None and (np.shape(view) != (2,) or not _positive(view)):
         raise UserError(f"{name}: view is {view!r}: it must be two sides in mm, more than 0")
+    if touch.errors is not None and not _errors_of(touch.errors, len(points)):
+        raise UserError(f"{name}: errors must be {len(points)} numbers, one for each point, finite and 0 or more")
     regular = poses.shape[1:] == (4, 4) and np.isfinite(poses).all()
     if not regular or any(np.linalg.matrix_rank(pose[:3, :3]) < 3 for pose in poses):
         raise UserError(
             f"{name}: a pose is no 4x4 matrix of finite numbers with a rotation: leave poses empty if unknown"
         )
+
+
+def _errors_of(errors: Any, count: int) -> bool:
+    numbers = np.asarray(errors)
+    if numbers.shape != (count,) or numbers.dtype.kind not in "iuf":
+        return False
+    return bool((np.isfinite(numbers) & (numbers >= 0)).all())
 
 
 def _positive(numbers: Any) -> bool:

@@ -47,11 +47,13 @@ class Neighbourhood:
     """Spacing of the cloud there; 1 if it has fewer than two points there."""
     near_spacing: float
     """Spacing of `near`: larger, if these are only a part of the points there."""
+    sensor_error: float
+    """Root mean square of the expected errors of the touched points by the sensor; 0 if they are unknown."""
 
     @property
     def noise(self) -> float:
         """Noise of the touched points."""
-        return max((surface.noise for surface in self.surfaces), default=0.0)
+        return max([self.sensor_error, *(surface.noise for surface in self.surfaces)])
 
     @classmethod
     def of(cls, touch: Touch, cloud: cKDTree, centre: Float[np.ndarray, "3"], margin: float) -> "Neighbourhood":
@@ -89,13 +91,14 @@ class Neighbourhood:
         away = np.linalg.norm(near, axis=1)
         order = np.argsort(away, kind="stable")
         near = near[order[away[order] <= radius]]
+        sensor_error = 0.0 if touch.errors is None else float(np.sqrt(np.mean(touch.errors**2))) * touch.unit
         if len(near) <= AROUND:
             spacing = _spacing(cKDTree(near), near)
-            return cls(points, origin, axes, tuple(surfaces), near, spacing, spacing)
+            return cls(points, origin, axes, tuple(surfaces), near, spacing, spacing, sensor_error)
         some = near[np.linspace(0, len(near) - 1, AROUND).astype(int)]
         spacing = _spacing(cloud, middle + some @ axes.T / touch.unit) * touch.unit
         thinned = spacing * float(np.sqrt(len(near) / len(some)))
-        return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned)
+        return cls(points, origin, axes, tuple(surfaces), some, spacing, thinned, sensor_error)
 
 
 def _within(

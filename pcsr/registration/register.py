@@ -96,7 +96,7 @@ def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | No
         likelihood = likelihoods[number] if number in evidence else others.around(one, likelihoods[number], margin)
         before = arm.prior(frames[number], evidence.get(number))
         after = fit(likelihood, before, floors[number], max(deviation, floors[number]))
-        errors = point_errors(likelihood, after, one.points)
+        errors = np.hypot(point_errors(likelihood, after, one.points), _own_errors(touch) * touch.unit)
         judgement = judge(one, likelihood, before, after, errors, all_sides=all_sides)
         results[number] = _result(touch, one, after, errors, judgement, centre)
         registered = results[number].touch.points
@@ -111,10 +111,15 @@ def register(touches: Sequence[Touch], cloud: Any, *, pose_error: PoseError | No
 def _unmoved(touches: Sequence[Touch]) -> Registration:
     """Return the registration of touches with exact poses."""
     kept = [
-        RegisteredTouch(touch, np.eye(4), np.zeros((6, 6)), np.zeros(len(touch.points)), 0, "kept", "its pose is exact")
+        RegisteredTouch(touch, np.eye(4), np.zeros((6, 6)), _own_errors(touch), 0, "kept", "its pose is exact")
         for touch in touches
     ]
     return Registration(kept, np.eye(4), np.zeros((6, 6)), 0.0, 0.0)
+
+
+def _own_errors(touch: Touch) -> Float[np.ndarray, " m"]:
+    """Return the expected error of each point by the sensor; 0 if it is unknown."""
+    return np.zeros(len(touch.points)) if touch.errors is None else np.array(touch.errors, np.float64)
 
 
 def _likelihood(one: Neighbourhood, margin: float) -> Likelihood:
@@ -146,12 +151,8 @@ def _result(
     motion = np.eye(4) if still else _in_cloud(local, one.axes, one.origin, centre, touch.unit)
     points = touch.points if still else touch.points @ motion[:3, :3].T + motion[:3, 3]
     turned = np.kron(np.eye(2), one.axes)
-    new = replace(
-        touch,
-        points=points[judgement.kept],
-        finger=touch.finger[judgement.kept],
-        poses=motion @ touch.poses if len(touch.poses) else touch.poses,
-    )
+    poses = motion @ touch.poses if len(touch.poses) else touch.poses
+    new = replace(touch, points=points, poses=poses).subset(judgement.kept)
     return RegisteredTouch(
         touch=new,
         motion=motion,

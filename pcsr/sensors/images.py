@@ -18,7 +18,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 COLOURED = ("RGB", "RGBA", "P")
 """Pillow's modes of images with colours."""
 
-Image = UInt8[np.ndarray, "rows columns 3"]
+Image = UInt8[np.ndarray, "_ _ 3"]
 """Colour image of a camera: red, green and blue of each pixel, from 0 to 255."""
 
 

@@ -139,3 +139,13 @@ def test_coverage_never_exceeds_the_whole():
 def test_coverage_needs_the_area_of_every_touch():
     with pytest.raises(UserError, match="the contact area of touch 1 by 'pad' is not known"):
         covered_area_share([square(0), random_touch(5)], 120.0)
+
+
+def test_errors_follow_their_points():
+    points = np.arange(12.0).reshape(4, 3)
+    touch = Touch.single(points, None, 1.0, "digit", errors=np.array([0.1, 0.2, 0.3, 0.4]))
+    drawn = touch.resampled(9, np.random.default_rng(0))
+    np.testing.assert_allclose(drawn.errors, 0.1 * (1 + drawn.points[:, 0] / 3))
+    np.testing.assert_array_equal(touch.subset(np.array([True, False, False, True])).errors, [0.1, 0.4])
+    assert Touch.grasp([touch, touch]).errors.shape == (8,)
+    assert Touch.grasp([touch, Touch.single(points, None, 1.0, "digit")]).errors is None

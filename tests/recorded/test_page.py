@@ -29,7 +29,7 @@ def test_the_examples_of_the_page_are_right():
     for layout in said:
         options, _ = LAYOUTS[layout.pop("name")]
         checked(options, layout, "layout")
-    assert len(manifests) == 3
+    assert len(manifests) == 4
     assert len(said) == len(LAYOUTS) + 1  # of ycb-slide there are two kinds
 
 

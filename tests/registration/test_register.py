@@ -200,3 +200,24 @@ def test_what_cannot_be_registered_is_said():
         register(EXACT, np.array([[0, 0, 0], [0, np.inf, 0]]))
     with pytest.raises(UserError, match=r"need the same unit, got \[1.0, 1000.0\] mm"):
         register([EXACT[0], scaled(EXACT[1], 1000.0)], CLOUD)
+
+
+def test_the_sensors_errors_add_to_those_of_the_registration():
+    touch = pressed(wavy)
+    plain = register([touch], scan(wavy)).touches[0]
+    errors = np.linspace(0.1, 0.5, len(touch.points))
+    told = register([replace(touch, errors=errors)], scan(wavy)).touches[0]
+    own = told.touch.errors
+    assert len(own) == len(told.errors)
+    assert (told.errors >= own).all()
+    assert np.median(told.errors) > 2 * np.median(plain.errors)
+    exact = register([replace(touch, errors=errors)], scan(wavy), pose_error=PoseError(position=0.0, rotation=0.0))
+    np.testing.assert_array_equal(exact.touches[0].errors, errors)
+    same = register([replace(touch, errors=np.zeros(len(touch.points)))], scan(wavy)).touches[0]
+    np.testing.assert_array_equal(same.touch.points, plain.touch.points)
+
+
+@pytest.mark.parametrize("errors", [np.full(400, np.nan), np.full(400, -1.0)])
+def test_errors_that_are_none_are_refused(errors):
+    with pytest.raises(UserError, match="touch 0: errors must be 400 numbers"):
+        register([replace(pressed(wavy), errors=errors)], scan(wavy))

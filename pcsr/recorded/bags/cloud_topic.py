@@ -8,8 +8,8 @@ from jaxtyping import Float64
 
 from pcsr.errors import UserError
 from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, greatest, sensor_frame
-from pcsr.recorded.images import MAX_INDENTATION
-from pcsr.recorded.manifest import Axis
+from pcsr.recorded.fields import Axis
+from pcsr.recorded.likely_mistakes import THICKEST
 from pcsr.recorded.pose import transformed
 from pcsr.ros.point_clouds import coordinates, table
 
@@ -43,7 +43,7 @@ class CloudTopic(TactileTopic):
                 f"no contact: no point {'is there' if self.above is None else f'is {self.above:g} mm deep'}"
             )
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
-        if high > MAX_INDENTATION or low > MOST_SHALLOWEST:
+        if high > THICKEST or low > MOST_SHALLOWEST:
             raise UserError(
                 f"its points are {low:.3g} to {high:.3g} mm deep in the gel, more than any gel is thick: check --axes "
                 f"and --face, and that the cloud is in metres"

@@ -14,8 +14,9 @@ from pcsr.recorded.bags.cloud_topic import CloudTopic
 from pcsr.recorded.bags.colour_topic import ColourTopic
 from pcsr.recorded.bags.depth_topic import DepthTopic
 from pcsr.recorded.bags.pressed import TactileTopic
+from pcsr.recorded.fields import Axis
 from pcsr.recorded.images import read_image
-from pcsr.recorded.manifest import Axis, Intrinsics
+from pcsr.recorded.manifest import Intrinsics
 from pcsr.ros import images
 from pcsr.ros.bag import Bag, Topic, listed
 from pcsr.ros.images import CAMERA_INFO, COMPRESSED, IMAGE

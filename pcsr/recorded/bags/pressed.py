@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from pcsr.recorded.manifest import Axis
+from pcsr.recorded.fields import Axis
 from pcsr.recorded.pose import offset_z, rotation_from
 
 METRE = 1000.0

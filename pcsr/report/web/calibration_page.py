@@ -35,17 +35,10 @@ def calibration_page(made: Calibrated, presses: Sequence[PressImage], background
     figures = "".join(
         _figure(by_name[name], made.places[name], background) for name in used[:MOST_PICTURES] if name in by_name
     )
-    more = f" The first {MOST_PICTURES} of {len(used)} are shown." if len(used) > MOST_PICTURES else ""
     body = (
         f'<h1>{html.escape(title)}</h1><p class="lead">{html.escape(lead)}</p>'
-        f"{text_table(calibration_table(made))}{_each(made.held_out)}"
-        f"<section><h2>Spread over the gel</h2>{_spread(made)}"
-        '<p class="note">Contacts of the presses that the calibration is fitted to, in the image. Where none lies, '
-        "its errors are unknown.</p></section>"
-        f'<section><h2>Presses</h2><div class="row">{figures}</div><p class="note">Change of colour; grey is '
-        f"unchanged, black and white are {GREATEST:g} % and more. The circle is the contact that was found; it must "
-        "lie in the middle of the colours. Below it is the median angle between the measured slopes and those of the ball, the "
-        f"largest first.{more}</p></section>{_refused(made.refused)}"
+        f"{text_table(calibration_table(made))}{_each(made.held_out)}{_spread(made)}{_presses(figures, len(used))}"
+        f"{_refused(made.refused)}"
     )
     return document(title, body)
 
@@ -79,14 +72,27 @@ def _each(presses: Sequence[PressFigures]) -> str:
 
 
 def _spread(made: Calibrated) -> str:
-    """Image's outline with the contacts."""
+    """Section with the contacts in the outline of the image."""
     columns, rows = made.calibration.columns, made.calibration.rows
     circles = "".join(_circle(place) for place in made.places.values())
     width = min(480, 480 * columns // rows)
     return (
-        f'<figure style="max-width: {width}px"><svg viewBox="0 0 {columns} {rows}" role="img" '
-        f'aria-label="contacts of the presses">{circles}</svg></figure>'
+        f'<section><h2>Spread over the gel</h2><figure style="max-width: {width}px"><svg '
+        f'viewBox="0 0 {columns} {rows}" role="img" aria-label="contacts of the presses">{circles}</svg></figure>'
+        '<p class="note">Contacts of the presses that the calibration is fitted to, in the image. Where there are '
+        "none, its errors are unknown.</p></section>"
     )
+
+
+def _presses(figures: str, count: int) -> str:
+    """Section with the pictures of the presses."""
+    more = f" The first {MOST_PICTURES} of {count} are shown." if count > MOST_PICTURES else ""
+    note = (
+        f"Change of colour: grey is unchanged, black and white are {GREATEST:g} % and more. The circle is the contact "
+        "that was found; it must lie in the middle of the colours. Below it is the median angle between the measured "
+        f"slopes and those of the ball, the largest first.{more}"
+    )
+    return f'<section><h2>Presses</h2><div class="row">{figures}</div><p class="note">{note}</p></section>'
 
 
 def _figure(press: PressImage, place: Place, background: Image) -> str:
