@@ -1,7 +1,5 @@
 """`pcsr sensor calibrate`: calibrate a tactile sensor from images of a ball that is pressed into its gel."""
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,15 +8,12 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, MILLIMETRES
-from pcsr.cli.sensor_images import check_distinct, echo_reasons, image_files, reason
+from pcsr.cli.sensor_images import check_distinct, echo_reasons
+from pcsr.cli.sensor_presses import background_of, read_presses, balls_of_tests, with_balls
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
-    from pcsr.sensors import Calibrated, Gel, PressImage
-    from pcsr.sensors.images import Image
-
-Group = tuple[list[Path], float]
-"""Files of presses, and the diameter of their ball."""
+    from pcsr.sensors import Calibrated, Gel
 
 
 class _Dome(click.ParamType[tuple[float, float] | str]):
@@ -135,21 +130,21 @@ def calibrate(
     if not groups:
         raise UserError("PRESS is missing: name images of a pressed ball, or a folder of them")
     without = [] if background is None else [background]
-    fitted = _with_balls(groups, balls, "--ball", "PRESS and each --press", without)
-    judged = _with_balls(
+    fitted = with_balls(groups, balls, "--ball", "PRESS and each --press", without)
+    judged = with_balls(
         [([path], "--test") for path in tests],
-        _test_balls(tests, test_balls, balls),
+        balls_of_tests(tests, test_balls, balls),
         "--test-ball",
         "each --test",
         without,
     )
     check_distinct([file for files, _ in (*fitted, *judged) for file in files])
     unreadable: dict[str, str] = {}
-    images, test = _read(fitted, unreadable), _read(judged, unreadable)
-    rest = _background(background, images)
-    with progress_bars(streams.console(error=True), hidden=False) as progress:
-        task = progress.add_task("calibrating", total=None)
-        try:
+    images, test = read_presses(fitted, unreadable), read_presses(judged, unreadable)
+    try:
+        rest = background_of(background, images)
+        with progress_bars(streams.console(error=True), hidden=False) as progress:
+            task = progress.add_task("calibrating", total=None)
             made = calibrated(
                 images,
                 rest,
@@ -160,9 +155,9 @@ def calibrate(
                 count=count,
                 progress=lambda done, total: progress.update(task, completed=done, total=total),
             )
-        except UserError:
-            echo_reasons(unreadable, "is refused")
-            raise
+    except UserError:
+        echo_reasons(unreadable, "is refused")
+        raise
     reasons = {**unreadable, **made.refused}
     order = [str(file) for files, _ in (*fitted, *judged) for file in files]
     made = replace(made, refused={name: reasons[name] for name in order if name in reasons})
@@ -203,60 +198,6 @@ def _gel(sensor: str, dome: tuple[float, float] | str | None) -> "Gel":
     if dome is None:
         return known
     return replace(known, dome=None if isinstance(dome, str) else dome)
-
-
-def _test_balls(tests: Sequence[Path], test_balls: tuple[float, ...], balls: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the diameters of the balls of `--test`."""
-    if test_balls and not tests:
-        raise UserError("--test-ball: it is the ball of --test, which is not given")
-    return balls if not test_balls and len(balls) == 1 else test_balls
-
-
-def _with_balls(
-    groups: Sequence[tuple[list[Path], str]],
-    balls: Sequence[float],
-    option: str,
-    each: str,
-    without: Sequence[Path],
-) -> list[Group]:
-    """Return the files of each group with the diameter of its ball.
-
-    Raises:
-        UserError: there are neither as many balls as groups nor one; or a path leads nowhere.
-    """
-    if groups and len(balls) not in (1, len(groups)):
-        raise UserError(
-            f"{option} is given {len(balls)} times for {len(groups)} groups of presses: give it once for all, or once "
-            f"for {each}, in their order"
-        )
-    diameters = balls if len(balls) == len(groups) else [balls[0]] * len(groups)
-    return [
-        (image_files(paths, what, without), diameter) for (paths, what), diameter in zip(groups, diameters, strict=True)
-    ]
-
-
-def _read(groups: Sequence[Group], unreadable: dict[str, str]) -> "list[PressImage]":
-    """Read presses, and add the reasons of those that cannot be read to `unreadable`."""
-    from pcsr.sensors import PressImage, read_rgb
-
-    found = []
-    for files, diameter in groups:
-        for file in files:
-            try:
-                found.append(PressImage(str(file), read_rgb(file), diameter))
-            except UserError as error:
-                unreadable[str(file)] = reason(error, file)
-    return found
-
-
-def _background(path: Path | None, presses: "Sequence[PressImage]") -> "Image":
-    """Read the background, or compute it from the presses of the most common size."""
-    from pcsr.sensors import median_background, read_rgb
-
-    if path is not None:
-        return read_rgb(path)
-    sizes = Counter(press.image.shape for press in presses).most_common(1)
-    return median_background([press.image for press in presses if press.image.shape == sizes[0][0]])
 
 
 def _summary(made: "Calibrated", out: Path, page: Path | None) -> list[str]:

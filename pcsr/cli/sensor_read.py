@@ -83,9 +83,9 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
                     write_bytes(pictures[number], touch_picture(image, reading))
                 rows.append(_row(file, reading))
             progress.advance(task)
-    echo_reasons(unused, "cannot be read")
+    echo_reasons(unused, "is skipped")
     if not rows:
-        raise UserError(f"none of {len(files)} images can be read: the reasons are above")
+        raise UserError(f"none of {len(files)} images can be used: the reasons are above")
     console = streams.console()
     streams.print_table(console, HEADS, rows, HEADS[1:])
     places = str(out) if preview is None else f"{out}, pictures: {preview}"
