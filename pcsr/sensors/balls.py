@@ -74,10 +74,15 @@ def fitted_sphere(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "
     return found[:3], float(abs(found[3]))
 
 
-def distance_to_ball(points: Float[np.ndarray, "n 3"], radius: float) -> Float[np.ndarray, " n"]:
-    """Return the distances of points from the ball of known radius that fits them best, positive outside of it."""
+def fitted_ball(points: Float[np.ndarray, "n 3"], radius: float) -> Float[np.ndarray, "3"]:
+    """Return the centre of the ball of known radius that fits points best."""
     x, y, z = points.T
     start = [np.mean(x), np.mean(y), z.max() - radius]
-    found = least_squares(lambda p: np.linalg.norm(points - p, axis=1) - radius, start).x
-    away: Float[np.ndarray, " n"] = np.linalg.norm(points - found, axis=1) - radius
+    found: Float[np.ndarray, 3] = least_squares(lambda p: np.linalg.norm(points - p, axis=1) - radius, start).x
+    return found
+
+
+def distance_to_ball(points: Float[np.ndarray, "n 3"], radius: float) -> Float[np.ndarray, " n"]:
+    """Return the distances of points from the ball of known radius that fits them best, positive outside of it."""
+    away: Float[np.ndarray, " n"] = np.linalg.norm(points - fitted_ball(points, radius), axis=1) - radius
     return away

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
 from pcsr.sensors.colour import changed, check_exposure, colour_change
-from pcsr.sensors.contact import in_contact
+from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
 from pcsr.sensors.images import Image
@@ -92,7 +92,8 @@ class Calibration:
 
         Raises:
             UserError: the size of an image is not that of the calibration; an image is black, saturated, or changed
-                almost everywhere; the background is of another sensor; or there is no contact.
+                almost everywhere; or the background is of another sensor.
+            NoContactError: there is no contact.
         """
         self._check_size(image, "it")
         check_background(self, background, "its background")
@@ -101,7 +102,7 @@ class Calibration:
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
         contact = in_contact(indentation, at_least=SHALLOWEST)
         if not contact.any():
-            raise UserError(
+            raise NoContactError(
                 f"no contact: the gel is indented by {max(0.0, indentation.max()):.2f} mm at most, less than "
                 f"{SHALLOWEST} mm"
             )

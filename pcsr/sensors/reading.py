@@ -34,3 +34,13 @@ class Reading:
     """Area of the contact in square millimetres."""
     view: tuple[float, float] | None
     """Sides of the visible part of the gel along x and y; None for a domed gel."""
+
+    @property
+    def at_edge(self) -> bool:
+        """Whether the contact reaches the edge of the image, so that a part of it may be out of view.
+
+        The membrane is held at the edge of the gel and cannot sink in there, so that heights beside such a contact may
+        be taken for a part of it.
+        """
+        mask = self.contact
+        return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
