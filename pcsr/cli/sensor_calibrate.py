@@ -9,7 +9,7 @@ import click
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, MILLIMETRES
 from pcsr.cli.sensor_images import check_distinct, echo_reasons
-from pcsr.cli.sensor_presses import background_of, read_presses, balls_of_tests, with_balls
+from pcsr.cli.sensor_presses import background_of, balls_of_tests, read_presses, with_balls
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:

@@ -14,6 +14,8 @@ MOST_LISTED = 20
 def image_files(given: Sequence[Path], what: str, without: Iterable[Path] = ()) -> list[Path]:
     """Return files that are named, and the images in folders that are named, sorted by name.
 
+    Of a folder without images those in its folders are returned, as some programs write a folder for each press.
+
     Args:
         given: files and folders.
         what: what names them, for the message: "IMAGE", "--press".
@@ -32,15 +34,21 @@ def image_files(given: Sequence[Path], what: str, without: Iterable[Path] = ()) 
                 raise UserError(f"{what} {path}: there is no such file or folder")
             found.append(path)
             continue
-        inside = sorted(
-            one
-            for one in path.iterdir()
-            if one.suffix.lower() in SUFFIXES and one.name[0] != "." and one.is_file() and one.resolve() not in other
-        )
+        inside = _images(path.glob("*"), other) or _images(path.glob("*/*"), other)
         if not inside:
             raise UserError(f"{what} {path}: the folder has no image ({', '.join(SUFFIXES)})")
         found += inside
     return found
+
+
+def _images(files: Iterable[Path], without: set[Path]) -> list[Path]:
+    from pcsr.sensors.images import SUFFIXES
+
+    return sorted(
+        one
+        for one in files
+        if one.suffix.lower() in SUFFIXES and one.name[0] != "." and one.is_file() and one.resolve() not in without
+    )
 
 
 def check_distinct(files: Iterable[Path]) -> None:

@@ -14,7 +14,7 @@ from pcsr.errors import UserError
 if TYPE_CHECKING:
     from pcsr.sensors import Reading
 
-HEADS = ("image", "points", "indentation mm", "contact mm²", "error mm")
+HEADS = ("image", "points", "indentation mm", "contact mm²", "error mm", "at the edge")
 """Heads of the table."""
 
 
@@ -43,7 +43,8 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
 
     IMAGE is a camera image of a touch, or a folder of them. The points are in mm, in the frame of the sensor: x to the
     right of the image, y up, z out of the object into the gel, the origin at the centre of the untouched gel. A column
-    `error` has the expected error of each point, as a standard deviation.
+    `error` has the expected error of each point, as a standard deviation. Of a contact at the edge of the image a part
+    may be out of view.
 
     \b
     pcsr sensor read touch.png --background rest.png --calibration mini.json -o touch.ply --preview touch-seen.png
@@ -87,7 +88,7 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
     if not rows:
         raise UserError(f"none of {len(files)} images can be used: the reasons are above")
     console = streams.console()
-    streams.print_table(console, HEADS, rows, HEADS[1:])
+    streams.print_table(console, HEADS, rows, HEADS[1:-1])
     places = str(out) if preview is None else f"{out}, pictures: {preview}"
     console.print(f"{len(rows)} of {len(files)} images: {places}", markup=False, highlight=False, soft_wrap=True)
 
@@ -96,7 +97,8 @@ def _row(file: Path, reading: "Reading") -> tuple[str, ...]:
     """Return the row of an image: the error is the root mean square of those of its points."""
     error = float((reading.errors**2).mean() ** 0.5)
     deepest = float(reading.indentation[reading.contact].max())
-    return str(file), str(len(reading.points)), f"{deepest:.2f}", f"{reading.area:.1f}", f"{error:.3f}"
+    edge = "yes" if reading.at_edge else ""
+    return str(file), str(len(reading.points)), f"{deepest:.2f}", f"{reading.area:.1f}", f"{error:.3f}", edge
 
 
 def _targets(
