@@ -77,7 +77,7 @@ class _Dome(click.ParamType[tuple[float, float] | str]):
     multiple=True,
     type=MILLIMETRES,
     metavar="MM",
-    help="Diameter of the ball of --test. May be repeated, once for each.  [default: --ball, if it is one]",
+    help="Diameter of the ball of --test. May be repeated, once for each.  [default: that of --ball]",
 )
 @click.option(
     "--presses",

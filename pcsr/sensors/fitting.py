@@ -38,8 +38,8 @@ class Place:
     Examples:
         >>> from pcsr.sensors import Place
         >>> place = Place(np.array([160.0, 120.0]), rim=31.0, residual=0.05)
-        >>> np.degrees(place.residual).round(1)
-        2.9
+        >>> print(f"{np.degrees(place.residual):.1f} degrees")
+        2.9 degrees
     """
 
     centre: Float[np.ndarray, "2"]
