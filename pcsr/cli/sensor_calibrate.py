@@ -8,7 +8,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE, MILLIMETRES
-from pcsr.cli.sensor_images import check_distinct, echo_reasons
+from pcsr.cli.sensor_images import check_distinct, echo_reasons, name_of
 from pcsr.cli.sensor_presses import background_of, balls_of_tests, read_presses, with_balls
 from pcsr.errors import UserError
 
@@ -119,7 +119,6 @@ def calibrate(
     pcsr sensor calibrate presses/ --ball 6.31 --mm-per-pixel 0.0634 --sensor gelsight-mini -o mini.json
     """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.progress import progress_bars
-    from pcsr.report.tables.calibration_table import calibration_table
     from pcsr.sensors import calibrate as calibrated
 
     _check_target("-o", out, (".json",), overwrite=overwrite)
@@ -159,7 +158,7 @@ def calibrate(
         echo_reasons(unreadable, "is refused")
         raise
     reasons = {**unreadable, **made.refused}
-    order = [str(file) for files, _ in (*fitted, *judged) for file in files]
+    order = [name_of(file) for files, _ in (*fitted, *judged) for file in files]
     made = replace(made, refused={name: reasons[name] for name in order if name in reasons})
     made.calibration.save(out)
     if page is not None:
@@ -168,6 +167,8 @@ def calibrate(
 
         write_text(page, calibration_page(made, [*images, *test], rest))
     echo_reasons(made.refused, "is refused")
+    from pcsr.report.tables.calibration_table import calibration_table  # imports torch, so mistakes are reported first
+
     console = streams.console()
     console.print(calibration_table(made))
     for line in _summary(made, out, page):

@@ -65,9 +65,14 @@ def check_distinct(files: Iterable[Path]) -> None:
             raise UserError(f"{file} is given twice{also}: give each image once")
 
 
+def name_of(file: Path) -> str:
+    """Return the path of an image as a name on one line; control characters and bytes that are no text are escapes."""
+    return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in str(file))
+
+
 def reason(error: UserError, file: Path) -> str:
     """Return the message about a file without its path, which the line begins with."""
-    return str(error).replace(f"{file} ", "it ", 1)
+    return str(error).replace(f"{name_of(file)} ", "it ", 1)
 
 
 def echo_reasons(reasons: Mapping[str, str], verb: str) -> None:

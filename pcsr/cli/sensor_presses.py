@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pcsr.cli.sensor_images import image_files, reason
+from pcsr.cli.sensor_images import image_files, name_of, reason
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ def read_presses(groups: Sequence[Group], unreadable: dict[str, str]) -> "list[P
     for files, diameter in groups:
         for file in files:
             try:
-                found.append(PressImage(str(file), read_rgb(file), diameter))
+                found.append(PressImage(name_of(file), read_rgb(file), diameter))
             except UserError as error:
-                unreadable[str(file)] = reason(error, file)
+                unreadable[name_of(file)] = reason(error, file)
     return found
 
 

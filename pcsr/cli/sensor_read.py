@@ -8,7 +8,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE
-from pcsr.cli.sensor_images import check_distinct, echo_reasons, image_files, reason
+from pcsr.cli.sensor_images import check_distinct, echo_reasons, image_files, name_of, reason
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
                 image = read_rgb(file)
                 reading = calibration.read(image, rest)
             except UserError as error:
-                unused[str(file)] = reason(error, file)
+                unused[name_of(file)] = reason(error, file)
             else:
                 write_cloud(clouds[number], Cloud(reading.points, {"error": reading.errors}))
                 if pictures:
@@ -98,7 +98,7 @@ def _row(file: Path, reading: "Reading") -> tuple[str, ...]:
     error = float((reading.errors**2).mean() ** 0.5)
     deepest = float(reading.indentation[reading.contact].max())
     edge = "yes" if reading.at_edge else ""
-    return str(file), str(len(reading.points)), f"{deepest:.2f}", f"{reading.area:.1f}", f"{error:.3f}", edge
+    return name_of(file), str(len(reading.points)), f"{deepest:.2f}", f"{reading.area:.1f}", f"{error:.3f}", edge
 
 
 def _targets(

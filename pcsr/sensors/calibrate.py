@@ -161,6 +161,8 @@ def _check(
         raise UserError(f"mm_per_pixel is {mm_per_pixel:g}: it must be more than 0 and at most {LARGEST:g}")
     if not 0 < len(sensor) <= LONGEST_NAME:
         raise UserError(f"the sensor's name has {len(sensor)} characters: it must have 1 to {LONGEST_NAME}")
+    if not sensor.isprintable():
+        raise UserError(f"the sensor's name is {sensor!r}: it must have no control characters")
     if count is not None and count < FEWEST:
         raise UserError(f"{count} presses are no calibration: fit at least {FEWEST}, better 12")
     names = Counter(press.name for press in (*presses, *test))

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -243,6 +244,21 @@ def test_presses_of_one_name_in_two_folders_are_two_presses(folder):
     assert "presses/0.png" in page
     said = refused(folder, *CALIBRATE, "--test", "./presses/../presses/3.png", "--sensor", "x", "-o", "x.json")
     assert "presses/3.png is given twice, also as presses/3.png: give each image once" in said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems' names of files are text")
+def test_names_that_are_no_text_are_shown_as_escapes(folder):
+    odd = folder / "presses" / "a\udcff\n[red].png"
+    (folder / "presses" / "0.png").rename(odd)
+    (folder / "presses" / "1.png").write_bytes(b"")
+    (folder / "presses" / "1.png").rename(folder / "presses" / "b\udcff.png")
+    done = run(folder, *CALIBRATE, *NEW, "--page", "new.html")
+    assert done.exit_code == 0, done.output
+    assert "presses/b\\udcff.png is refused: it cannot be read as an image" in done.stderr
+    assert "presses/a\\udcff\\n[red].png, 6 mm" in (folder / "new.html").read_text(encoding="utf-8")
+    done = run(folder, "read", odd, *READ[2:])
+    assert done.exit_code == 0, done.output
+    assert "a\\udcff\\n[red].png" in done.stdout
 
 
 def test_a_background_in_the_folder_of_the_presses_is_no_press(folder):

@@ -113,6 +113,7 @@ def test_held_out_presses_without_a_ball_are_an_error():
         ({"mm_per_pixel": np.nan}, "mm_per_pixel is nan"),
         ({"sensor": ""}, "the sensor's name has 0 characters"),
         ({"sensor": "x" * 201}, "the sensor's name has 201 characters"),
+        ({"sensor": "a\udcffb"}, r"the sensor's name is 'a\\udcffb': it must have no control characters"),
         ({"count": 4}, "4 presses are no calibration: fit at least 5"),
         ({"given": [*presses(6), presses(1)[0]]}, "2 presses are called '0.png': give each a name of its own"),
         ({"test": presses(1)}, "2 presses are called '0.png'"),
