@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
-from pcsr.sensors.colour import changed, colour_change
+from pcsr.sensors.colour import changed, check_exposure, colour_change
 from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
@@ -19,19 +19,30 @@ from pcsr.sensors.reading import Reading
 SHALLOWEST = 0.05
 """Greatest indentation, in millimetres, up to which an image shows no contact."""
 
+LARGEST = 1e3
+"""Greatest length in millimetres: side of a pixel, radius of a dome, diameter of a ball."""
+LONGEST_NAME = 200
+"""Most characters of a sensor's name."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """Calibration of a camera-based tactile sensor, such as a DIGIT or a GelSight.
 
     `pcsr.sensors.calibrate` makes one from images of a ball that is pressed into the gel.
 
     Examples:
-        >>> calibration = pcsr.sensors.Calibration.load("my-sensor.json")
-        >>> image, background = pcsr.sensors.read_rgb("bolt.png"), pcsr.sensors.read_rgb("background.png")
-        >>> reading = calibration.read(image, background)
-        >>> reading.points.shape[1], reading.errors.shape == reading.points.shape[:1]
-        (3, True)
+        >>> from pcsr.sensors import Calibration, PressImage, ball_indentation, calibrate, gel, shaded
+        >>> def pressed(x, y):
+        ...     return shaded(ball_indentation((120, 160), 0.12, 6.0, 0.8, (x, y)), 0.12)
+        >>> places = [(x, y) for x in (40.0, 80.0, 120.0) for y in (35.0, 60.0, 85.0)]
+        >>> presses = [PressImage(f"{x} {y}", pressed(x, y), 6.0) for x, y in places]
+        >>> background = shaded(np.zeros((120, 160)), 0.12)
+        >>> made = calibrate(presses, background, mm_per_pixel=0.12, sensor="mine", gel=gel("mine"))
+        >>> made.calibration.save("mine.json")
+        >>> reading = Calibration.load("mine.json").read(pressed(70.0, 50.0), background)
+        >>> print(f"{reading.indentation.max():.1f} mm")
+        0.8 mm
     """
 
     sensor: str
@@ -72,24 +83,6 @@ class Calibration:
 
         save(self, Path(path))
 
-    def slopes(
-        self, change: Float[np.ndarray, "rows columns 3"]
-    ) -> tuple[Float[np.ndarray, "rows columns 2"], Bool[np.ndarray, "rows columns"]]:
-        """Compute the slopes of the indentation along x (columns) and y (rows).
-
-        Args:
-            change: change of colour in per cent, of `pcsr.sensors.colour.colour_change`.
-
-        Returns:
-            The slopes, 0 where the colour did not change; and the mask of the pixels where it did.
-        """
-        touched = changed(change)
-        rows, columns = np.nonzero(touched)
-        found = np.zeros((*touched.shape, 2))
-        values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
-        found[rows, columns] = polynomial.slopes(values, self.coefficients)
-        return found, touched
-
     def read(self, image: Image, background: Image) -> Reading:
         """Measure a touch.
 
@@ -102,8 +95,9 @@ class Calibration:
                 almost everywhere; or the background is of another sensor.
             NoContactError: there is no contact.
         """
-        self._check(image, background)
-        slopes, touched = self.slopes(colour_change(image, background))
+        self._check_size(image, "it")
+        check_background(self, background, "its background")
+        slopes, touched = slopes_of(colour_change(image, background), self.coefficients)
         indentation = integrated(slopes) * self.mm_per_pixel
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
         contact = in_contact(indentation, at_least=SHALLOWEST)
@@ -130,19 +124,53 @@ class Calibration:
             view=None if self.gel.dome else (self.columns * self.mm_per_pixel, self.rows * self.mm_per_pixel),
         )
 
-    def _check(self, image: Image, background: Image) -> None:
-        for one, what in ((image, "it"), (background, "its background")):
-            if one.shape[:2] != (self.rows, self.columns):
-                raise UserError(
-                    f"{what} has {one.shape[1]} x {one.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
-                    f"is for {self.columns} x {self.rows}: use images as the calibration had"
-                )
-        apart = float(np.abs(coarse(background) - self.background).mean() / self.background.mean())
-        if apart > OTHER_SENSOR:
+    def _check_size(self, image: Image, what: str) -> None:
+        if image.shape[:2] != (self.rows, self.columns):
             raise UserError(
-                f"its background differs by {apart:.0%} from that of the calibration: it is of another sensor than "
-                f"'{self.sensor}', or of another light; calibrate that one"
+                f"{what} has {image.shape[1]} x {image.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
+                f"is for {self.columns} x {self.rows}: use images as the calibration had"
             )
+
+
+def check_background(calibration: Calibration, background: Image, what: str) -> None:
+    """Check that an image can be the background of a calibrated sensor.
+
+    Args:
+        calibration: calibration of the sensor.
+        background: the image.
+        what: what it is, for the message: "its background".
+
+    Raises:
+        UserError: its size is another, it is black or saturated, or it is of another sensor.
+    """
+    calibration._check_size(background, what)
+    check_exposure(background, what)
+    apart = float(np.abs(coarse(background) - calibration.background).mean() / calibration.background.mean())
+    if apart > OTHER_SENSOR:
+        raise UserError(
+            f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "
+            f"'{calibration.sensor}', or of another light; calibrate that one"
+        )
+
+
+def slopes_of(
+    change: Float[np.ndarray, "rows columns 3"], coefficients: Float[np.ndarray, "k 2"]
+) -> tuple[Float[np.ndarray, "rows columns 2"], Bool[np.ndarray, "rows columns"]]:
+    """Compute the slopes of the indentation along x (columns) and y (rows).
+
+    Args:
+        change: change of colour in per cent, of `pcsr.sensors.colour.colour_change`.
+        coefficients: coefficients of a calibration.
+
+    Returns:
+        The slopes, 0 where the colour did not change; and the mask of the pixels where it did.
+    """
+    touched = changed(change)
+    rows, columns = np.nonzero(touched)
+    found = np.zeros((*touched.shape, 2))
+    values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
+    found[rows, columns] = polynomial.slopes(values, coefficients)
+    return found, touched
 
 
 OTHER_SENSOR = 0.4
@@ -152,6 +180,6 @@ GRID = (6, 8)
 
 
 def coarse(background: Image) -> Float[np.ndarray, "r c 3"]:
-    """Return the mean colours of a background in a coarse grid."""
+    """Return the mean colours of a background in a coarse grid, in steps of 0.1 as its file has them."""
     parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(background, GRID[0], axis=0)]
-    return np.array([[part.mean((0, 1)) for part in row] for row in parts])
+    return np.array([[part.mean((0, 1)) for part in row] for row in parts]).round(1)

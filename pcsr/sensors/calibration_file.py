@@ -12,19 +12,19 @@ from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.inputs import read_bytes
 from pcsr.limits import MOST_PIXELS
-from pcsr.sensors.calibration import GRID, Calibration
+from pcsr.sensors.calibration import GRID, LARGEST, LONGEST_NAME, Calibration
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
 from pcsr.sensors.polynomial import EXPONENTS
 from pcsr.validation_messages import described
 
-LARGEST = 1 << 20
+LARGEST_FILE = 1 << 20
 """Greatest size of the file in bytes."""
 LARGEST_COEFFICIENT = 1e3
 """Greatest size of a coefficient: changes of colour are of the order of 1, and angles at most 1.4."""
 
 Coefficient = Annotated[float, Field(ge=-LARGEST_COEFFICIENT, le=LARGEST_COEFFICIENT)]
-Positive = Annotated[float, Field(gt=0, le=1e3)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 Side = Annotated[int, Field(ge=8, le=1 << 14)]
 Level = Annotated[float, Field(ge=0, le=255)]
@@ -52,7 +52,7 @@ class _Figures(_Strict):
 
 class _File(_Strict):
     format: Literal[1]
-    sensor: Annotated[str, Field(min_length=1, max_length=200)]
+    sensor: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
     columns: Side
     rows: Side
     mm_per_pixel: Positive
@@ -79,7 +79,7 @@ def save(calibration: Calibration, path: Path) -> None:
         "mm_per_pixel": calibration.mm_per_pixel,
         "gel": asdict(calibration.gel),
         "held_out": asdict(calibration.figures),
-        "background": calibration.background.round(1).tolist(),
+        "background": calibration.background.tolist(),
         "coefficients": calibration.coefficients.tolist(),
     }
     lines = ",\n".join(f" {json.dumps(key)}: {json.dumps(value)}" for key, value in plain.items())
@@ -92,7 +92,7 @@ def load(path: Path) -> Calibration:
     Raises:
         UserError: the file does not exist, is no JSON, or holds numbers that no calibration has.
     """
-    data = read_bytes(path, most=LARGEST)
+    data = read_bytes(path, most=LARGEST_FILE)
     try:
         file = _File.model_validate_json(data)
     except ValidationError as error:

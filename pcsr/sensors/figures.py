@@ -9,7 +9,14 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class PressFigures:
-    """What a calibration measures of one ball, beside what is true."""
+    """What a calibration measures of one ball, beside what is true.
+
+    Examples:
+        >>> from pcsr.sensors import PressFigures
+        >>> press = PressFigures("0.png", 6.0, 1.02, 0.005, 0.006, 0.98, 1.1, 0.6)
+        >>> print(f"{press.radius_ratio * press.diameter:.2f} mm")
+        6.12 mm
+    """
 
     name: str
     diameter: float
@@ -30,7 +37,14 @@ class PressFigures:
 
 @dataclass(frozen=True)
 class Figures:
-    """Errors of a calibration on held-out presses."""
+    """Errors of a calibration on held-out presses.
+
+    Examples:
+        >>> from pcsr.sensors import Figures
+        >>> figures = Figures(12, 0.03, 0.06, 0.006, 0.008, 0.99, 0.04, 1.1)
+        >>> figures.errors(np.array([0.0, 1.0])).round(3)
+        array([0.008, 0.041])
+    """
 
     presses: int
     """Number of the held-out presses."""

@@ -1,0 +1,32 @@
+"""Summary of the errors on held-out presses, and the expected errors of points."""
+
+import numpy as np
+import pytest
+
+from pcsr.sensors import Figures, PressFigures
+from pcsr.sensors.figures import summary
+
+RATIOS = (0.9, 1.02, 1.0, 1.01, 1.3)
+PRESSES = [
+    PressFigures(f"{k}.png", 6.0, ratio, 0.01 * k, 0.02 * k, 2 - ratio, 1 + 0.1 * k, 0.5)
+    for k, ratio in enumerate(RATIOS)
+]
+
+
+def test_the_summary_has_medians_and_quantiles_of_sizes_of_errors():
+    found = summary(PRESSES)
+    assert found.presses == 5
+    assert found.radius_median == pytest.approx(0.02)
+    assert found.radius_90 == pytest.approx(0.1 + 0.6 * 0.2)
+    assert (found.shape, found.ball, found.cap, found.area) == pytest.approx((0.02, 0.04, 0.99, 1.2))
+    assert found.cap_spread == pytest.approx(np.sqrt((0.1**2 + 0.02**2 + 0.01**2 + 0.3**2) / 5))
+    assert summary(PRESSES[::-1]) == found
+
+
+def test_the_expected_error_is_that_of_the_shape_at_the_face_and_grows_with_the_indentation():
+    figures = Figures(12, 0.03, 0.06, 0.006, 0.008, 0.99, 0.05, 1.1)
+    errors = figures.errors(np.array([0.0, 0.4, 1.0, 20.0]))
+    assert errors[0] == 0.008
+    assert errors[1] == pytest.approx(np.sqrt(0.008**2 + 0.02**2))
+    assert (np.diff(errors) > 0).all()
+    assert errors[3] == pytest.approx(0.05 * 20, rel=0.001)
