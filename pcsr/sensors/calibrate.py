@@ -3,17 +3,20 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 
 import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
 from pcsr.limits import check_memory
-from pcsr.sensors.calibration import LARGEST, LONGEST_NAME, Calibration, coarse
+from pcsr.sensors.background import coarse
+from pcsr.sensors.balls import RIM
+from pcsr.sensors.calibration import LARGEST, LONGEST_NAME, Calibration
 from pcsr.sensors.colour import check_exposure
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
 from pcsr.sensors.fitting import Fit, Place, fit
-from pcsr.sensors.gels import Gel
+from pcsr.sensors.gels import Gel, check_view
 from pcsr.sensors.held_out import measured
 from pcsr.sensors.images import Image
 from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
@@ -26,7 +29,10 @@ ODD = 3.0
 """A press whose slopes deviate from a ball's by this many times the median deviation is refused."""
 ODD_ANGLE = np.radians(6.0)
 """Deviation in radians up to which no press is refused."""
-
+NO_BALL_ANGLE = np.radians(8.0)
+"""Median deviation in radians above which the presses show no balls. Those of real sensors reach 4 degrees."""
+NARROW = 1.02
+"""A rim that is found within this factor of the least that is looked for lies further inside."""
 
 MOST_REASONS = 20
 """Most refused presses that a message lists."""
@@ -110,7 +116,7 @@ def calibrate(
 
     Raises:
         UserError: an argument is out of range, two presses have one name, the background is black or saturated, or
-            fewer than 5 presses can be used; the message lists the reasons.
+            fewer than 5 presses can be used or show a ball; the message lists the reasons.
 
     Examples:
         >>> from pcsr.sensors import PressImage, ball_indentation, calibrate, gel, shaded
@@ -124,7 +130,8 @@ def calibrate(
         True
     """
     _check(presses, test, background, mm_per_pixel, sensor, count)
-    refused: dict[str, str] = {}
+    check_view(gel, background.shape[1], background.shape[0], mm_per_pixel)
+    refused = _copies([*presses, *test])
     usable = _usable(presses, background, mm_per_pixel, refused)
     radii = gel.radii(background.shape[1], background.shape[0])
     sag = np.zeros(2) if radii is None else mm_per_pixel / np.array(radii)
@@ -190,11 +197,24 @@ def _usable(
     """Return the presses that show a changed region, and add the reasons of the others to `refused`."""
     usable = []
     for press in presses:
+        if press.name in refused:
+            continue
         try:
             usable.append(press_of(press, background, mm_per_pixel))
         except UserError as error:
             refused[press.name] = str(error)
     return usable
+
+
+def _copies(presses: Sequence[PressImage]) -> dict[str, str]:
+    """Return the reasons of presses that have the image of an earlier one, by name: errors on them would mean nothing."""
+    first: dict[bytes, str] = {}
+    reasons = {}
+    for press in presses:
+        content = sha256(np.ascontiguousarray(press.image)).digest()
+        if first.setdefault(content, press.name) != press.name:
+            reasons[press.name] = f"it is the same image as {first[content]}"
+    return reasons
 
 
 def _fitted(
@@ -207,6 +227,13 @@ def _fitted(
         chosen = [left[index] for index in order]
         fitted = fit(chosen, sag)
         reasons = _odd(chosen, fitted)
+        usual = float(np.median([place.residual for place in fitted.places]))
+        if not reasons and usual > NO_BALL_ANGLE:
+            raise UserError(
+                f"the presses show no balls: the slopes of half of them deviate by more than {np.degrees(usual):.0f} "
+                f"degrees from those of a ball, and 1 to 5 are usual: check the images, the ball's diameter and "
+                f"mm_per_pixel{_reasons(refused)}"
+            )
         if not reasons:
             return chosen, fitted
         refused.update(reasons)
@@ -224,6 +251,11 @@ def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
     for press, place in zip(presses, fitted.places, strict=True):
         if cut_off(press, place.centre, place.rim):
             reasons[press.name] = CUT_OFF
+        elif place.rim < NARROW * RIM[0] * press.ball:
+            reasons[press.name] = (
+                f"its contact is narrower than {RIM[0]:g} of the ball's radius: press deeper, or correct the ball's "
+                f"diameter ({press.diameter:g} mm) or mm_per_pixel"
+            )
         elif place.residual > max(ODD * usual, ODD_ANGLE):
             reasons[press.name] = (
                 f"its slopes deviate by {np.degrees(place.residual):.0f} degrees from those of a ball of "

@@ -177,7 +177,7 @@ def test_presses_that_cannot_be_used_are_listed_and_the_others_go_on(folder):
         "bar": "it shows something else, or a ball of another diameter",
         "black": "it is black, at a mean level of 0.0 of 255: was the light on?",
         "edge": "the ball is cut off by the edge of the image",
-        "grey": "it is an image of mode L, without colours",
+        "grey": "it is an image of mode L, not of red, green and blue",
         "large": "it has 160 x 60 pixels, but its background 160 x 120",
         "rest": "no ball: the colour changes by",
         "short": "it cannot be read as an image: it is damaged, cut off",
