@@ -78,6 +78,6 @@ def check_not_swapped(image: Grid, background: Grid, calibrated: Grid) -> None:
     apart = difference(background, calibrated)
     if apart > SAME and difference(image, calibrated) < SHOWS_TOUCH * apart:
         raise UserError(
-            "its background shows a touch, or the two are swapped: it is closer to the background of the calibration "
-            "than its own background is"
+            "its background shows a touch or is of another sensor, or the two are swapped: it is closer to the "
+            "calibration's background than its own background is"
         )

@@ -1,28 +1,23 @@
 """Calibration of a tactile sensor from images of a ball that is pressed into its gel."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 
 import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
-from pcsr.limits import check_memory
 from pcsr.sensors.background import coarse
 from pcsr.sensors.balls import RIM
-from pcsr.sensors.calibration import LARGEST, LONGEST_NAME, Calibration
-from pcsr.sensors.colour import check_exposure
+from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.calibration_inputs import FEWEST, check_arguments, copies
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
 from pcsr.sensors.fitting import Fit, Place, fit
-from pcsr.sensors.gels import Gel, check_view
+from pcsr.sensors.gels import Gel
 from pcsr.sensors.held_out import measured
 from pcsr.sensors.images import Image
 from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
 
-FEWEST = 5
-"""Least number of usable presses."""
 FOLDS = 10
 """Greatest number of fits for the errors on held-out presses."""
 ODD = 3.0
@@ -36,8 +31,6 @@ NARROW = 1.02
 
 MOST_REASONS = 20
 """Most refused presses that a message lists."""
-MEMORY = 60
-"""Bytes that a pixel of each press takes."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +122,8 @@ def calibrate(
         >>> made.calibration.figures.radius_median < 0.05
         True
     """
-    _check(presses, test, background, mm_per_pixel, sensor, count)
-    check_view(gel, background.shape[1], background.shape[0], mm_per_pixel)
-    refused = _copies([*presses, *test])
+    check_arguments(presses, test, background, mm_per_pixel, sensor, gel, count)
+    refused = copies([*presses, *test])
     usable = _usable(presses, background, mm_per_pixel, refused)
     radii = gel.radii(background.shape[1], background.shape[0])
     sag = np.zeros(2) if radii is None else mm_per_pixel / np.array(radii)
@@ -156,41 +148,6 @@ def calibrate(
     return Calibrated(made(whole, summary(results)), places, results, len(folds), refused)
 
 
-def _check(
-    presses: Sequence[PressImage],
-    test: Sequence[PressImage],
-    background: Image,
-    mm_per_pixel: float,
-    sensor: str,
-    count: int | None,
-) -> None:
-    if not 0 < mm_per_pixel <= LARGEST:
-        raise UserError(f"mm_per_pixel is {mm_per_pixel:g}: it must be more than 0 and at most {LARGEST:g}")
-    if not 0 < len(sensor) <= LONGEST_NAME:
-        raise UserError(f"the sensor's name has {len(sensor)} characters: it must have 1 to {LONGEST_NAME}")
-    if not sensor.isprintable():
-        raise UserError(f"the sensor's name is {sensor!r}: it must have no control characters")
-    if count is not None and count < FEWEST:
-        raise UserError(f"{count} presses are no calibration: fit at least {FEWEST}, better 12")
-    names = Counter(press.name for press in (*presses, *test))
-    for name, times in names.items():
-        if times > 1:
-            raise UserError(f"{times} presses are called '{name}': give each a name of its own")
-    for press in (*presses, *test):
-        if not 0 < press.diameter <= LARGEST:
-            raise UserError(
-                f"{press.name}: a ball of {press.diameter:g} mm: the diameter must be more than 0 and at most "
-                f"{LARGEST:g} mm"
-            )
-    rows, columns = background.shape[:2]
-    check_exposure(background, "the background")
-    check_memory(
-        MEMORY * rows * columns * names.total(),
-        f"calibration with {names.total()} presses of {columns} x {rows} pixels",
-        "make the images smaller, as 320 x 240 are enough",
-    )
-
-
 def _usable(
     presses: Sequence[PressImage], background: Image, mm_per_pixel: float, refused: dict[str, str]
 ) -> list[Press]:
@@ -204,17 +161,6 @@ def _usable(
         except UserError as error:
             refused[press.name] = str(error)
     return usable
-
-
-def _copies(presses: Sequence[PressImage]) -> dict[str, str]:
-    """Return the reasons of presses that have the image of an earlier one, by name: errors on them would mean nothing."""
-    first: dict[bytes, str] = {}
-    reasons = {}
-    for press in presses:
-        content = sha256(np.ascontiguousarray(press.image)).digest()
-        if first.setdefault(content, press.name) != press.name:
-            reasons[press.name] = f"it is the same image as {first[content]}"
-    return reasons
 
 
 def _fitted(

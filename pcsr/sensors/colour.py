@@ -60,8 +60,8 @@ def colour_change(image: Image, background: Image) -> Float[np.ndarray, "rows co
     share = float(np.abs(drift).sum() / background.mean((0, 1)).sum())
     if share > DRIFT:
         raise UserError(
-            f"its light differs by {share:.0%} from its background's: fix the exposure and the white balance, and take a "
-            f"background of the same time (a touch of most of the gel cannot be read)"
+            f"its light differs by {share:.0%} from its background's: fix the exposure and the white balance, and take "
+            f"a background of the same time (a touch of most of the gel cannot be read)"
         )
     return change
 

@@ -108,6 +108,6 @@ def check_view(gel: Gel, columns: int, rows: int, mm_per_pixel: float) -> None:
     sag = float(gel.sag(corner, columns, rows)[0])
     if gel.dome is not None and sag > THICKEST:
         raise UserError(
-            f"dome: with radii of {gel.dome[0]:g} and {gel.dome[1]:g} mm the corners of the gel lie {sag:.3g} mm behind "
-            f"its centre, more than {THICKEST:g} mm: give the radii of the curvature in mm"
+            f"dome: with radii of {gel.dome[0]:g} and {gel.dome[1]:g} mm the corners of the gel lie {sag:.3g} mm "
+            f"behind its centre, more than {THICKEST:g} mm: give the radii of the curvature in mm"
         )

@@ -45,7 +45,7 @@ def test_a_background_with_a_touch_is_refused():
     rest, touch = background(), photo(ball())
     calibrated().read(touch, rest)
     for image in (rest, background(1)):
-        with pytest.raises(UserError, match="its background shows a touch, or the two are swapped"):
+        with pytest.raises(UserError, match="its background shows a touch or is of another sensor, or the two"):
             calibrated().read(image, touch)
     drifted = (background(2) * 1.05).astype(np.uint8)
     calibrated().read((touch * 1.05).astype(np.uint8), drifted)

@@ -48,7 +48,7 @@ def test_what_shows_no_whole_ball_is_refused():
     [(BALL / 10, PITCH), (BALL * 10, PITCH), (BALL, PITCH * 1e9), (BALL, 1 / PITCH), (BALL, 1e-12)],
 )
 def test_a_ball_of_another_order_of_size_than_the_region_is_refused(diameter, pitch):
-    with pytest.raises(UserError, match="times that of a ball of .* mm: check the ball's diameter and mm_per_pixel"):
+    with pytest.raises(UserError, match=r"times that of a ball of .* mm: check the ball's diameter and mm_per_pixel"):
         press_of(PressImage("a", photo(ball()), diameter), background(), pitch)
 
 
