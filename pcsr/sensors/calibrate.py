@@ -29,6 +29,8 @@ NO_BALL_ANGLE = np.radians(8.0)
 NARROW = 1.02
 """A rim that is found within this factor of the least that is looked for lies further inside."""
 
+FITTED = " without its press: it is fitted, but not among the held-out ones"
+"""Addition to the reason of a press that only the fit without it cannot measure."""
 MOST_REASONS = 20
 """Most refused presses that a message lists."""
 
@@ -140,7 +142,7 @@ def calibrate(
     results = list(_measured(made(whole, NO_FIGURES), held, refused))
     for number, fold in enumerate(folds):
         part = fit([press for press in chosen if press not in fold], sag)
-        results += _measured(made(part, NO_FIGURES), fold, refused)
+        results += _measured(made(part, NO_FIGURES), fold, refused, FITTED)
         progress(2 + number, 1 + len(folds))
     if not results:
         raise UserError(f"none of {len(held) or len(chosen)} held-out presses shows a whole ball{_reasons(refused)}")
@@ -211,12 +213,15 @@ def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
     return reasons
 
 
-def _measured(calibration: Calibration, presses: Sequence[Press], refused: dict[str, str]) -> Iterator[PressFigures]:
+def _measured(
+    calibration: Calibration, presses: Sequence[Press], refused: dict[str, str], but: str = ""
+) -> Iterator[PressFigures]:
+    """Measure presses, and add the reasons of those that cannot be measured to `refused`."""
     for press in presses:
         try:
             yield measured(calibration, press)
         except UserError as error:
-            refused[press.name] = str(error)
+            refused[press.name] = f"{error}{but}"
 
 
 def _reasons(refused: dict[str, str]) -> str:
