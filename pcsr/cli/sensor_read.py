@@ -54,10 +54,12 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
     from pcsr.files import write_bytes
     from pcsr.progress import progress_bars
     from pcsr.sensors import Calibration, read_rgb
-    from pcsr.sensors.calibration import check_background
+    from pcsr.sensors.calibration import check_background, doubt
 
     calibration, rest = Calibration.load(calibration_file), read_rgb(background)
     check_background(calibration, rest, f"--background {background}")
+    if remark := doubt(calibration, rest, f"--background {background}"):
+        click.echo(remark, err=True)
     files = image_files(images, "IMAGE", [background])
     check_distinct(files)
     several = len(files) > 1 or images[0].is_dir()

@@ -10,6 +10,8 @@ from pcsr.sensors.images import Image
 
 OTHER_SENSOR = 0.4
 """Difference of two backgrounds above which they are of different sensors."""
+DOUBTFUL = 0.15
+"""Difference of two backgrounds above which they may be of different sensors."""
 GRID = (6, 8)
 """Rows and columns of the coarse grid of a background."""
 NOTICED = 0.03

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
-from pcsr.sensors.background import OTHER_SENSOR, check_not_swapped, check_orientation, coarse, difference
+from pcsr.sensors.background import DOUBTFUL, OTHER_SENSOR, check_not_swapped, check_orientation, coarse, difference
 from pcsr.sensors.colour import changed, check_exposure, colour_change
 from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
@@ -159,6 +159,14 @@ def check_background(calibration: Calibration, background: Image, what: str) -> 
             f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "
             f"'{calibration.sensor}', or of another light; calibrate that one"
         )
+
+
+def doubt(calibration: Calibration, background: Image, what: str) -> str | None:
+    """Return a remark if a background that passed `check_background` may be of another sensor; None if not."""
+    apart = difference(coarse(background), calibration.background)
+    if apart <= DOUBTFUL:
+        return None
+    return f"{what} differs by {apart:.0%} from that of the calibration: is it of the sensor '{calibration.sensor}'?"
 
 
 def slopes_of(
