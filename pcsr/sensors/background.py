@@ -10,6 +10,8 @@ from pcsr.sensors.images import Image
 
 OTHER_SENSOR = 0.4
 """Difference of two backgrounds above which they are of different sensors."""
+DOUBTFUL = 0.15
+"""Difference of two backgrounds above which they may be of different sensors."""
 GRID = (6, 8)
 """Rows and columns of the coarse grid of a background."""
 NOTICED = 0.03
@@ -81,3 +83,18 @@ def check_not_swapped(image: Grid, background: Grid, calibrated: Grid) -> None:
             "its background shows a touch or is of another sensor, or the two are swapped: it is closer to the "
             "calibration's background than its own background is"
         )
+
+
+def doubt(background: Image, calibrated: Grid, what: str, sensor: str) -> str | None:
+    """Return a remark if a background may be of another sensor than the calibrated one; None if not.
+
+    Args:
+        background: the image.
+        calibrated: coarse colours of the background of the calibration.
+        what: what the image is, for the remark: "its background".
+        sensor: name of the calibrated sensor.
+    """
+    apart = difference(coarse(background), calibrated)
+    if apart <= DOUBTFUL:
+        return None
+    return f"{what} differs by {apart:.0%} from that of the calibration: is it of the sensor '{sensor}'?"

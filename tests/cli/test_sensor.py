@@ -372,6 +372,16 @@ def test_a_background_that_cannot_be_right_is_one_line(folder):
     assert "--background small.png has 160 x 60 pixels" in refused(folder, *words, "small.png")
 
 
+def test_a_background_that_may_be_of_another_sensor_is_remarked(folder):
+    for name in ("rest", "touches/0", "touches/1"):
+        with Image.open(folder / f"{name}.png") as image:
+            save(folder / f"{name}.png", np.clip(np.asarray(image) * 1.25, 0, 255).astype(np.uint8))
+    done = run(folder, *READ)
+    assert done.exit_code == 0, done.output
+    said = "--background rest.png differs by 25% from that of the calibration: is it of the sensor 'mine'?\n"
+    assert done.stderr.startswith(said)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
