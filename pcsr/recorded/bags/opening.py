@@ -23,7 +23,8 @@ from pcsr.ros.bag import Bag
 from pcsr.ros.images import CAMERA_INFO, COMPRESSED, IMAGE
 from pcsr.ros.point_clouds import POINT_CLOUD
 from pcsr.ros.topics import Topic, listed
-from pcsr.sensors.calibration import Calibration, check_background, doubt
+from pcsr.sensors.background import doubt
+from pcsr.sensors.calibration import Calibration
 from pcsr.sensors.images import read_rgb
 
 T = TypeVar("T")
@@ -143,8 +144,8 @@ def _colour_topic(topic: Topic, sensor: Sensor, content: Any, message_at: Callab
         else:
             background = read_rgb(Path(sensor.background))
     what = "its first image, taken as the background," if sensor.background is None else "--background"
-    _named(topic, lambda image: check_background(calibration, image, what), background)
-    if remark := doubt(calibration, background, what):
+    _named(topic, lambda image: calibration.check_background(image, what), background)
+    if remark := doubt(background, calibration.background, what, calibration.sensor):
         warnings.warn(f"{topic.name}: {remark}", PcsrWarning, stacklevel=2)
     return ColourTopic(calibration, read_bytes(sensor.calibration, most=LARGEST_JSON), background)
 
