@@ -41,8 +41,14 @@ VARIANTS: dict[str, Callable[[Grid], Grid]] = {
 
 def coarse(image: Image) -> Grid:
     """Return the mean colours of an image in a coarse grid, in steps of 0.1 as the file of a calibration has them."""
-    parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(image, GRID[0], axis=0)]
-    return np.array([[part.mean((0, 1)) for part in row] for row in parts]).round(1)
+    sums, pixels = image, np.ones(1)
+    for axis, parts in enumerate(GRID):
+        length, more = divmod(image.shape[axis], parts)
+        sizes = np.full(parts, length) + (np.arange(parts) < more)
+        sums = np.add.reduceat(sums, np.cumsum(sizes) - sizes, axis=axis, dtype=np.int64)
+        pixels = pixels[..., None] * sizes
+    means: Grid = (sums / pixels.reshape(*GRID, 1)).round(1)
+    return means
 
 
 def difference(one: Grid, other: Grid) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.sensors.background import check_not_swapped, check_orientation, coarse, difference
+from pcsr.sensors.background import GRID, check_not_swapped, check_orientation, coarse, difference
 from pcsr.sensors.colour import colour_change
 from tests.sensors.synthetic import background, ball, calibrated, photo
 
@@ -12,6 +12,14 @@ COLOURED = (background() * np.linspace([0.6, 0.8, 1.0], [1.2, 1.0, 0.8], 160)).c
 COLOURED = (COLOURED * np.linspace(0.7, 1.0, 120)[:, None, None]).astype(np.uint8)
 TOUCHED = (COLOURED * (photo(ball()) / background())).clip(0, 255).astype(np.uint8)
 """A touch of a sensor whose colours differ from side to side, as those of real sensors do."""
+
+
+@pytest.mark.parametrize("size", [(6, 8), (13, 9), (50, 71), (240, 320)])
+def test_coarse_colours_are_means_of_parts_of_equal_size(size):
+    image = np.random.default_rng(0).integers(0, 256, (*size, 3)).astype(np.uint8)
+    parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(image, GRID[0])]
+    means = np.array([[part.mean((0, 1)) for part in row] for row in parts])
+    np.testing.assert_allclose(coarse(image), means, atol=0.0501)
 
 
 def test_a_difference_is_a_share_of_the_mean():

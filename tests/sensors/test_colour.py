@@ -53,6 +53,12 @@ def cut_off(image, filled):
     return np.concatenate([image[:-5], np.full_like(image[-5:], filled)])
 
 
+def test_rows_with_a_few_pixels_of_one_colour_are_whole():
+    image, background = pair()
+    image[:, [0, image.shape[1] // 2, -1]] = background[:, [0, image.shape[1] // 2, -1]] = 50
+    colour_change(image, background)
+
+
 def test_rows_of_one_colour_that_the_background_has_too_are_no_loss():
     image, background = (cut_off(one, 0) for one in pair())
     assert (colour_change(image, background)[-5:] == 0).all()
