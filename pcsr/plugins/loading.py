@@ -67,6 +67,18 @@ def warn_of_failures(registry: Registry) -> None:
             warnings.warn(message, PcsrWarning, stacklevel=3)
 
 
+def check_loaded(registry: Registry) -> None:
+    """Check that the plugin files were loaded.
+
+    Raises:
+        UserError: a file of `registry.files` failed to load.
+    """
+    named = {str(file) for file in registry.files}
+    for failure in registry.failures:
+        if failure.owner in named:
+            raise UserError(f"plugin {failure.owner} cannot be loaded: {failure.message}") from failure.error
+
+
 def _name(distribution: Any) -> str:
     # Untyped: after an import of the backport importlib_metadata it is an instance of that one's class.
     return str(distribution.metadata["Name"])
