@@ -86,7 +86,8 @@ def _probed(
         NotRunError: the network cannot be run on them.
     """
     axis = 3 - channel_axis(points_layout)
-    at = question.at if any(name == question.at for name, _ in network.named_modules(remove_duplicate=False)) else None
+    names = {name for name, _ in network.named_modules(remove_duplicate=False) if name}
+    at = question.at if question.at in names else None
     cloud = cloud if len(cloud) > 1 or question.layout else cloud.repeat(2, 1, 1)
 
     def run(points: Tensor) -> Observation:

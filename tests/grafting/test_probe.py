@@ -110,9 +110,24 @@ def test_of_a_layer_that_gives_no_tensor_the_ones_inside_are_offered():
     assert graft(network, "1.one", registry=PLUGINS).injection_point.width == 8
 
 
-class FixedView(nn.Module):
-    def forward(self, features):
-        return features.view(-1, N, N)
+class Strict(nn.Module):
+    """It takes N points only."""
+
+    def __init__(self, width):
+        super().__init__()
+        self.layer = nn.Linear(3, width)
+
+    def forward(self, points):
+        if points.shape[1] != N:
+            raise ValueError("another number of points")
+        return self.layer(points)
+
+
+def test_one_number_of_points_shows_the_layout_unless_the_width_is_a_multiple_of_it(world):
+    assert graft(Strict(8), "layer", probe=N, registry=PLUGINS).injection_point.layout == "bnc"
+    with pytest.raises(UserError, match="its width is ambiguous"):
+        graft(Strict(N), "layer", probe=N, registry=PLUGINS)
+    assert graft(Strict(N), "layer", probe=N, layout="bnc", registry=PLUGINS).injection_point.width == N
 
 
 def test_a_stated_layout_needs_one_number_of_points_only(world):
@@ -130,9 +145,6 @@ def test_a_stated_layout_needs_one_number_of_points_only(world):
     assert not torch.equal(grafted(points, touches=touches), grafted(points))
     with pytest.raises(UserError, match=r"layer 'layer' gives \(1, 24, 8\) for 24 points: not .* as 'bcn'"):
         graft(Fixed(None), "layer", probe=(1, N, 3), layout="bcn", registry=PLUGINS)
-    assert graft(Fixed(None), "layer", probe=(1, N, 3), registry=PLUGINS).injection_point.layout == "bnc"
-    with pytest.raises(UserError, match="its width is ambiguous"):
-        graft(nn.Sequential(Fixed(None).layer, nn.Linear(8, N), FixedView()), "1", probe=(1, N, 3), registry=PLUGINS)
 
 
 def test_a_network_that_fails_on_the_probe_is_quoted_in_one_line():
