@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import os
 from collections.abc import Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, distribution
 from modulefinder import ModuleFinder
@@ -14,12 +15,14 @@ EXCLUDED = ("pcsr", "pcsr_plugins")
 """Packages that plugins import but that are not part of their code."""
 GROUP = "pcsr"
 """Entry-point group of plugins."""
+ABOVE = 3
+"""Number of folders above a file in which the modules that it imports are searched."""
 LARGEST = 1 << 24
 """Greatest size of a plugin file in bytes; a larger one is not read."""
 
 
 def file_code(file: Path) -> str | None:
-    """Hash a plugin file and the modules of its folder that it imports.
+    """Hash a plugin file and the modules of its folder, and of those above it, that it imports.
 
     Args:
         file: Python file.
@@ -31,7 +34,10 @@ def file_code(file: Path) -> str | None:
         return None
     file = file.resolve()
     # The name of the file itself does not count: a renamed file has the same code.
-    names = {path: "" if path == file else path.relative_to(file.parent).as_posix() for path in _local_modules(file)}
+    names = {
+        path: "" if path == file else Path(os.path.relpath(path, file.parent)).as_posix()
+        for path in _local_modules(file)
+    }
     return _hash((name, path) for path, name in names.items())
 
 
@@ -79,16 +85,40 @@ def _hash(files: Iterable[tuple[str, Path]], head: str = "") -> str:
     return digest.hexdigest()[:LENGTH]
 
 
+def folder_of(module: str, file: Path) -> Path | None:
+    """Return the folder from which a file imports a module: its own, or one above it; None if none has the module."""
+    first = module.partition(".")[0]
+    for folder in file.resolve().parents[: 1 + ABOVE]:
+        if (folder / f"{first}.py").is_file() or (folder / first).is_dir():
+            return folder
+    return None
+
+
 def _local_modules(file: Path) -> list[Path]:
-    """List the file and the modules of its folder that it imports, directly or indirectly."""
-    finder = ModuleFinder(path=[str(file.parent)], excludes=list(EXCLUDED))
-    try:
-        finder.run_script(str(file))
-    except Exception:  # a module that cannot be parsed, which the file may import conditionally
-        return [file]
+    """List the file and the modules of its folder, and of those above it, that it imports, directly or indirectly."""
+    folders = [file.parent]
+    while True:
+        finder = ModuleFinder(path=list(map(str, folders)), excludes=list(EXCLUDED))
+        try:
+            finder.run_script(str(file))
+        except Exception:  # a module that cannot be parsed, which the file may import conditionally
+            return [file]
+        missing = {name.partition(".")[0] for name in finder.badmodules} - set(EXCLUDED)
+        above = {folder_of(name, file) for name in missing if not _is_installed(name)} - {None, *folders}
+        if not above:
+            break
+        folders += sorted(folder for folder in above if folder)
     # A package without an `__init__.py` has no file.
     found = {Path(named) for module in finder.modules.values() if (named := getattr(module, "__file__", None))}
-    return [path for path in {one.resolve() for one in found} | {file} if path.is_relative_to(file.parent)]
+    resolved = {one.resolve() for one in found} | {file}
+    return [path for path in resolved if any(path.is_relative_to(folder) for folder in folders)]
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
 
 
 def _packages(found: Any) -> set[str]:

@@ -1,0 +1,63 @@
+"""Networks of foreign code: classes and functions in Python files that a user names."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pcsr.errors import UserError, did_you_mean
+from pcsr.plugins.code import file_code
+from pcsr.plugins.registry import Registry
+
+
+def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., Any]]:
+    """Find the class of a network, or the function that returns it, in the plugin files of a registry.
+
+    Args:
+        registry: with the files.
+        network: `file.py:Name`. If no file of this name is loaded, any that has the name will do.
+
+    Returns:
+        The file, and the class or function.
+
+    Raises:
+        UserError: no file has it; the message says what to hand in.
+    """
+    file, _, name = network.rpartition(":")
+    named = [path for path in registry.modules if path.name == file]
+    for path in named or registry.modules:
+        found = _attribute(registry.modules[path], name)
+        if callable(found):
+            return path, found
+    if named:
+        known = [key for key, value in vars(registry.modules[named[0]]).items() if _is_network(value)]
+        raise UserError(f"{named[0]} has no class or function '{name}': {did_you_mean(name, known)}")
+    raise UserError(
+        f"network '{name}' of the file {file}: hand in that file with --plugin (in Python: plugins=[…]); a weights file "
+        f"never brings code"
+    )
+
+
+def network_code(registry: Registry, network: str) -> str | None:
+    """Hash the file of a network and the modules of its folder that it imports."""
+    return file_code(find_network(registry, network)[0])
+
+
+def holds_networks(module: object) -> bool:
+    """Return whether a module has a class of networks that is no part of pcsr."""
+    return any(_is_network(value) for value in vars(module).values())
+
+
+def _attribute(module: object, name: str) -> Any:
+    found: Any = module
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return found
+
+
+def _is_network(value: Any) -> bool:
+    torch, contracts = sys.modules.get("torch"), sys.modules.get("pcsr.contracts")
+    if torch is None or not isinstance(value, type) or not issubclass(value, torch.nn.Module):
+        return False
+    is_part = contracts is not None and issubclass(value, contracts.Part)
+    return not is_part and not value.__module__.startswith("torch.")
