@@ -20,7 +20,7 @@ from pcsr.network.card import foreign_parts
 from pcsr.network.save import tensors_hash
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.graft_keys import NETWORK
+from pcsr.recipe.part_keys import NETWORK
 from pcsr.weights.file import NONSENSE, card_text, fault, open_tensors, parse_card
 from pcsr.weights.fit import fill
 

@@ -8,9 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr.errors import UserError
+from pcsr.recipe.schema import Layout, PointsLayout
 
-Layout = Literal["bnc", "bcn", "bcn1"]
-PointsLayout = Literal["bnc", "bcn"]
 Order = Literal["interleaved", "tiled"]
 
 

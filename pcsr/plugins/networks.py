@@ -33,8 +33,7 @@ def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., 
         known = [key for key, value in vars(registry.modules[named[0]]).items() if _is_network(value)]
         raise UserError(f"{named[0]} has no class or function '{name}': {did_you_mean(name, known)}")
     raise UserError(
-        f"network '{name}' of the file {file}: hand in that file with --plugin (in Python: plugins=[…]); a weights file "
-        f"never brings code"
+        f"the network '{name}' of the file {file}: hand in that file with --plugin (in Python: plugins=[…])"
     )
 
 
