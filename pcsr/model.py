@@ -16,8 +16,8 @@ from pcsr.clouds.faults import Bad, ScreenedCloud, screen
 from pcsr.clouds.pose_error import PoseError
 from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
-from pcsr.network.load import load_weights
 from pcsr.network.kinds import AnyNetwork
+from pcsr.network.load import load_weights
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.touches import GivenTouches, TouchesLike

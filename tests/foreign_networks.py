@@ -1,4 +1,4 @@
-"""The networks of examples/third_party/networks, which know nothing of pcsr, with random statistics as after training."""
+"""The networks of examples/third_party/networks, which know nothing of pcsr, with statistics as after training."""
 
 import importlib.util
 from pathlib import Path

@@ -21,8 +21,8 @@ from pcsr.files import write_text
 from pcsr.grafting.description import described
 from pcsr.grafting.grafted_network import GraftedNetwork
 from pcsr.network.card import other_code
-from pcsr.network.load import load_weights
 from pcsr.network.kinds import AnyNetwork
+from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe

@@ -9,12 +9,12 @@ from torch import Tensor, nn
 from pcsr.contracts import Encoder, Fusion
 from pcsr.errors import UserError, did_you_mean
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.injection_point import Layout, PointsLayout
 from pcsr.grafting.observation import tensor_like
 from pcsr.grafting.parts import build_parts, try_parts
 from pcsr.grafting.probe import Question, probe_layer
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.schema import Layout, PointsLayout
 
 SomeGrafted = TypeVar("SomeGrafted", bound=Grafted)
 

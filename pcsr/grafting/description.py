@@ -4,8 +4,9 @@ from dataclasses import asdict
 from typing import Any, get_args
 
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.injection_point import InjectionPoint, Layout, Order, PointsLayout, SeenPoints
+from pcsr.grafting.injection_point import InjectionPoint, Order, SeenPoints
 from pcsr.recipe.old_names import modern_part
+from pcsr.recipe.schema import Layout, PointsLayout
 
 WIDEST = 10**6
 """Largest number of channels of a grafted layer."""

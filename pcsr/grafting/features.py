@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from pcsr.errors import UserError
-from pcsr.grafting.injection_point import Layout
 from pcsr.grafting.observation import Observation, Shape
+from pcsr.recipe.schema import Layout
 
 MOST_FEATURES = 64
 """Largest number of features for each input point."""

@@ -16,7 +16,6 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.grafting.parts import build_parts
 from pcsr.grafting.probe import find_layer
-from pcsr.network.card import foreign_parts
 from pcsr.network.save import tensors_hash
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.plugins.registry import Registry
@@ -66,10 +65,10 @@ def save_graft(
         )
     # Cloned, since safetensors refuses weights that two layers share.
     tensors = {name: tensor.detach().clone() for name, tensor in grafted.state_dict().items()}
-    card = {"graft": described(grafted), "about": dict(about or {}), "sha256": tensors_hash(tensors)}
+    card: dict[str, Any] = {"graft": described(grafted), "about": dict(about or {}), "sha256": tensors_hash(tensors)}
     recipe = _recipe(grafted, dict(options or {}), *touches)
     if recipe is not None:
-        card |= {"recipe": recipe, "parts": foreign_parts(recipe, load_plugins())}
+        card["recipe"] = recipe
     try:
         header = json.dumps(card)
     except TypeError as error:

@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import nn
 
 from pcsr.errors import PcsrError, UserError
 from pcsr.files import sha256
@@ -21,7 +23,7 @@ from pcsr.plugins.networks import find_network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import PartSpec, Recipe
 from pcsr.recipe.schema import Graft, Weights
-from pcsr.weights.fit import check_fit
+from pcsr.weights.fit import fill
 
 
 def build_graft(recipe: Recipe, graft: Graft, registry: Registry, point: InjectionPoint | None) -> GraftedNetwork:
@@ -44,19 +46,17 @@ def build_graft(recipe: Recipe, graft: Graft, registry: Registry, point: Injecti
         point, probed = probe_layer(network, question, calling.count, graft.points_layout)
         if probed.rate is None:
             raise UserError(
-                f"{type(network).__name__} gives no cloud, (b rn 3) or (b 3 rn): name a class or function whose network "
-                f"gives one"
+                f"{type(network).__name__} gives no cloud, (b rn 3) or (b 3 rn): name a class or function "
+                f"whose network gives one"
             )
         if probed.rate != calling.rate:
             raise UserError(
                 f"{type(network).__name__} makes {probed.rate} points of each, and the recipe asks for {calling.rate}: "
                 f"set data.rate, or patches.rate for several passes"
             )
-    parts = [_written(graft.fusion), graft.touch_encoder and _written(graft.touch_encoder)]
-    fusion, encoder, specs = build_parts(point.width, *parts, registry)
-    grafted = assemble(
-        GraftedNetwork, network, fusion, encoder, point, specs, calling, frozen=graft.is_frozen
-    )
+    touch_encoder = None if graft.touch_encoder is None else _written(graft.touch_encoder)
+    fusion, encoder, specs = build_parts(point.width, _written(graft.fusion), touch_encoder, registry)
+    grafted = assemble(GraftedNetwork, network, fusion, encoder, point, specs, calling, frozen=graft.is_frozen)
     if not known:
         try_parts(grafted, tensor_like(network))
     return grafted
@@ -90,42 +90,20 @@ def _written(spec: PartSpec) -> dict[str, Any]:
 
 
 def load_state(network: nn.Module, weights: Weights) -> None:
-    """Load the weights of a foreign network from a file of torch or safetensors. Nothing but tensors is unpickled.
-
-    The file holds a `state_dict`, or a mapping with one, whose names may begin with `module.`.
+    """Load the weights of a foreign network from a safetensors file. Nothing is unpickled.
 
     Raises:
-        UserError: the file has changed, is none of weights, or is of another network.
+        UserError: the file has changed, is no safetensors file, or is of another network.
     """
     path = Path(weights.use)
     if not path.is_file() or sha256(path) != weights.sha256:
         raise UserError(f"model.graft.weights: {path} has changed since the recipe was read: run it again")
-    tensors = _state(_read(path), network)
-    remedy = "Name weights of this network, and in model.graft.options the settings that they were trained with"
-    check_fit(network, {name: tuple(tensor.shape) for name, tensor in tensors.items()}, path, remedy)
-    network.load_state_dict(tensors)
-
-
-def _read(path: Path) -> Any:
     try:
-        if path.suffix == ".safetensors":
-            from safetensors.torch import load_file
-
-            return load_file(path)
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch and safetensors raise errors of many kinds
+        tensors = {name.removeprefix("module."): tensor for name, tensor in load_file(path).items()}
+    except (OSError, SafetensorError, ValueError) as error:
         raise UserError(
-            f"model.graft.weights: {path} is no file of tensors ({type(error).__name__}); pcsr unpickles nothing else: "
-            f"write it anew with torch.save(network.state_dict(), …)"
+            f"model.graft.weights: {path} is no safetensors file, and pcsr unpickles nothing: convert it with "
+            f"safetensors.torch.save_file(state_dict, …), or load it in the function that returns the network"
         ) from error
-
-
-def _state(found: Any, network: nn.Module) -> dict[str, Tensor]:
-    """Return the state of a network in a checkpoint: the mapping of tensors that has most of the network's names."""
-    wanted = network.state_dict().keys()
-    mappings = [found, *(found.values() if isinstance(found, dict) else ())]
-    states: list[dict[str, Tensor]] = [{}]
-    for one in mappings:
-        if isinstance(one, dict) and one and all(isinstance(value, Tensor) for value in one.values()):
-            states += [one, {str(name).removeprefix("module."): value for name, value in one.items()}]
-    return max(states, key=lambda state: len(wanted & state.keys()))
+    remedy = "Name weights of this network, and in model.graft.options the settings that they were trained with"
+    fill(network, tensors, path, remedy)

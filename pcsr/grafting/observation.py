@@ -54,8 +54,10 @@ def observe(network: nn.Module, at: str | None, args: Sequence[Any], kwargs: Map
     calls: dict[nn.Module, list[Any]] = {module: [] for module in names}
 
     def before(module: nn.Module, given: tuple[Any, ...], by_name: dict[str, Any]) -> None:
-        for key, value in (*enumerate(given), *by_name.items()):
-            note(module, key, value)
+        for position, value in enumerate(given):
+            note(module, position, value)
+        for name, value in by_name.items():
+            note(module, name, value)
 
     def after(module: nn.Module, _given: Any, output: Any) -> None:
         calls[module].append(tuple(output.shape) if isinstance(output, Tensor) else type(output))

@@ -11,9 +11,10 @@ from torch import Tensor, nn
 from pcsr.errors import UserError
 from pcsr.grafting.calling import Calling, dense_rate
 from pcsr.grafting.features import check_calls, find_features, hint
-from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout, channel_axis, check_output, with_points
+from pcsr.grafting.injection_point import InjectionPoint, channel_axis, check_output, with_points
 from pcsr.grafting.layer_points import find_points
 from pcsr.grafting.observation import NotRunError, Observation, Shape, observe, tensor_like
+from pcsr.recipe.schema import Layout, PointsLayout
 
 Probe = int | Sequence[int] | Tensor
 
@@ -92,7 +93,9 @@ def _probed(
 
     def run(points: Tensor) -> Observation:
         # Cloned, since a network may change its points in place.
-        return observe(network, at, *with_points(question.points, points.clone(), question.arguments, question.keywords))
+        return observe(
+            network, at, *with_points(question.points, points.clone(), question.arguments, question.keywords)
+        )
 
     clouds, passes = [cloud], [run(cloud)]
     if question.layout is None:
@@ -113,9 +116,7 @@ def _probed(
         layout, width, multiple = find_features(question.at, rows, counts, shapes, question.layout)
     except UserError as error:
         raise UserError(f"{error}. {hint(rows, counts, passes)}") from error
-    point = InjectionPoint(
-        question.at, layout, width, question.points, points_layout, cloud.shape[3 - axis], multiple
-    )
+    point = InjectionPoint(question.at, layout, width, question.points, points_layout, cloud.shape[3 - axis], multiple)
     if multiple > 1:
         point = find_points(point, cloud, passes, lambda order: run(cloud.index_select(axis, order)))
     check_output(point, passes[0].features, cloud if axis == 1 else cloud.transpose(1, 2))

@@ -104,9 +104,7 @@ def _point(path: Path, recipe: Recipe, card: dict[str, Any]) -> InjectionPoint |
     return point
 
 
-def _build(
-    path: Path, recipe: Recipe, registry: Registry, remedy: str, point: InjectionPoint | None
-) -> AnyNetwork:
+def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str, point: InjectionPoint | None) -> AnyNetwork:
     """Build the network of a recipe after comparing its outline with the file, which needs no memory for weights.
 
     Raises:

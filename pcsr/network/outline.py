@@ -27,9 +27,7 @@ COMPUTED = 1 << 24
 """Largest number of elements in buffers that are computed when a network is built, and not stored (64 MB)."""
 
 
-def outline(
-    recipe: Recipe, registry: Registry, weights: int, point: InjectionPoint | None = None
-) -> AnyNetwork | None:
+def outline(recipe: Recipe, registry: Registry, weights: int, point: InjectionPoint | None = None) -> AnyNetwork | None:
     """Build the network of a recipe without memory for its weights, on torch's device `meta`.
 
     Args:

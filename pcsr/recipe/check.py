@@ -9,8 +9,8 @@ from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.merge import merge
 from pcsr.recipe.graft import NETWORK_PART, graft_mistakes, network_code, network_mistakes
+from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import KEYS, modernize
 from pcsr.recipe.part_keys import MODEL, NAMES, NETWORK_KEYS, PARTS, is_graft, owner_of
 from pcsr.recipe.schema import (

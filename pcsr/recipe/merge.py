@@ -53,7 +53,10 @@ def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple
     for key, value in override.items():
         inner = (*keys, key)
         old = base.get(key)
-        if any(inner[:depth] in PARTS for depth in (2, 3) if depth < len(inner)) and {type(old), type(value)} == {str, dict}:
+        if any(inner[:depth] in PARTS for depth in (2, 3) if depth < len(inner)) and {type(old), type(value)} == {
+            str,
+            dict,
+        }:
             old, value = _mapping(old), _mapping(value)
             base[key] = old
         if isinstance(old, dict) and isinstance(value, dict) and not _other_part(inner, old, value):
@@ -78,8 +81,7 @@ def _inside(keys: Keys, replaced: set[Keys]) -> bool:
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Return whether two mappings name different parts, or different choices among the options of a part, or grafts on
-    different networks, or one has a graft and the other the parts of a network."""
+    """Return whether two mappings name different parts, choices in a part, networks of a graft, or kinds of model."""
     if keys == ("model",):
         return ("graft" in new and "graft" not in old) or ("graft" in old and "encoder" in new)
     if keys == ("model", "graft"):

@@ -124,13 +124,13 @@ class Graft(Section):
     """Touch on a foreign network: its class, its layer and the tactile parts."""
 
     network: Annotated[str, Field(pattern=f"^{NETWORK.pattern}$")]
-    """File and class of the network, or a function that returns it: `network.py:Net`. A recipe may name a path, relative
-    to its own folder; the resolved recipe has the file's name alone."""
+    """File and class of the network, or a function that returns it: `network.py:Net`. In a recipe the file is a path,
+    relative to the recipe's folder; in a resolved recipe its name alone."""
     options: dict[str, Any] = Field(default_factory=dict)
     """Keyword arguments of the class or function."""
     weights: Weights | None = None
-    """Weights of the network that training starts from: a file with its `state_dict`, of torch or safetensors. None:
-    those that it is built with."""
+    """Weights of the network that training starts from: a safetensors file with its `state_dict`. None: those that it
+    is built with."""
     frozen: bool | None = None
     """Whether the network itself is not trained, but the tactile parts alone. None: if `weights` are given."""
     at: Annotated[str, Field(min_length=1, max_length=1000)]

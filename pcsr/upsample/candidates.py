@@ -14,8 +14,8 @@ from jaxtyping import Float
 from pcsr.contracts import TouchBatch, Trait
 from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
-from pcsr.network.load import load_weights
 from pcsr.network.kinds import AnyNetwork
+from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import PartSpec, Recipe

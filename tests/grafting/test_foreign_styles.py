@@ -1,4 +1,4 @@
-"""Networks in the styles of published code: batch normalisation, channels first, cascades, other outputs in training."""
+"""Networks in the styles of published code: batch normalisation, channels first, cascades."""
 
 import copy
 
@@ -170,7 +170,9 @@ class NeedsCuda(nn.Module):
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_network_that_needs_cuda_says_so_in_one_line():
-    with pytest.raises(UserError, match=r"NeedsCuda cannot be run .* It needs a CUDA device, and there is none") as error:
+    with pytest.raises(
+        UserError, match=r"NeedsCuda cannot be run .* It needs a CUDA device, and there is none"
+    ) as error:
         graft(NeedsCuda(), "layer", registry=PLUGINS)
     assert "\n" not in str(error.value)
     assert str(error.value).count("cannot be run") == 1

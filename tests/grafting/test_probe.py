@@ -137,9 +137,7 @@ def test_a_stated_layout_needs_one_number_of_points_only(world):
         def forward(self, points):
             return super().forward(points.view(-1, N, 3))
 
-    with pytest.raises(
-        UserError, match=rf"Fixed cannot be run on points of \(2, {N + 1}, 3\): RuntimeError: .*probe="
-    ):
+    with pytest.raises(UserError, match=rf"Fixed cannot be run on points of \(2, {N + 1}, 3\): RuntimeError: .*probe="):
         graft(Fixed(None), "layer", probe=(2, N + 1, 3), registry=PLUGINS)
     grafted = graft(Fixed(None), "layer", probe=(1, N, 3), layout="bnc", registry=PLUGINS)
     assert not torch.equal(grafted(points, touches=touches), grafted(points))
