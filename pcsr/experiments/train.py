@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from pcsr.contracts import Objective, TouchBatch
-from pcsr.data.batches import Batch, Batches
+from pcsr.data.batches import Batch, Batches, usable
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import UserError
@@ -133,9 +133,7 @@ def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
             f"train.batch is {settings.batch}, which {processes} processes cannot share equally: make it a multiple of "
             f"{processes}"
         )
-    # A cloud that is redrawn from the truth is neither a view from one side nor evenly spaced.
-    redrawn = recipe.data.sampling in ("random", "mixed")
-    augment = [name for name in settings.augment if name != "redraw" or redrawn]
+    augment = usable(settings.augment, recipe.data.sampling)
     size = min(settings.batch, len(data))
     return Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
 

@@ -22,6 +22,7 @@ from pcsr.recipe.schema import (
     PARTS_TAG,
     Evaluate,
     GraftedModel,
+    Model,
     Patches,
     Recipe,
     options_model,
@@ -198,6 +199,8 @@ def _mistake(keys: Keys, errors: list[Any], model: type[BaseModel], head: tuple[
         if not head and keys in KEYS:
             new = f"{keys[0]}.{KEYS[keys]}"
             return Mistake(locate(keys, True), f"{path} is the old name of {new}, which is given too: remove it")
+        if not head and keys[:-1] == ("model",) and keys[-1] in Model.model_fields:
+            return Mistake(locate(keys, True), f"a model has either graft or {keys[-1]}: remove one of the two")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
         return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":

@@ -61,6 +61,10 @@ def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple
             base[key] = old
         if isinstance(old, dict) and isinstance(value, dict) and not _other_part(inner, old, value):
             updated.add(inner)
+            if inner == ("model", "graft") and value.get("network", old.get("network")) != old.get("network"):
+                for of_network in ("options", "weights"):  # the old network's
+                    old.pop(of_network, None)
+                    replaced.add((*inner, of_network))
             inner_updated, inner_replaced = _update(old, value, inner)
             updated |= inner_updated
             replaced |= inner_replaced
@@ -81,11 +85,9 @@ def _inside(keys: Keys, replaced: set[Keys]) -> bool:
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Return whether two mappings name different parts, choices in a part, networks of a graft, or kinds of model."""
+    """Return whether two mappings name different parts, choices in a part, or kinds of model."""
     if keys == ("model",):
-        return ("graft" in new and "graft" not in old) or ("graft" in old and "encoder" in new)
-    if keys == ("model", "graft"):
-        return "network" in new and "network" in old and new["network"] != old["network"]
+        return "graft" in new if "graft" not in old else "encoder" in new and "graft" not in new
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 
