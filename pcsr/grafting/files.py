@@ -81,12 +81,14 @@ def save_graft(
 def _recipe(grafted: Grafted, options: dict[str, Any], touches: int, touch_points: int) -> dict[str, Any] | None:
     """Return a recipe with which `pcsr.load` can use the graft; None if the network is no upsampler of a file."""
     calling, kind = grafted.calling, type(grafted.network)
-    try:
-        file = inspect.getsourcefile(kind)
-    except TypeError:  # a class of an interactive session
-        file = None
-    network = f"{Path(file or '').name}:{kind.__qualname__}"
-    if calling is None or calling.rate is None or not NETWORK.fullmatch(network):
+    code = getattr(inspect.unwrap(kind.forward), "__code__", None)  # that of a class may be one of a notebook
+    network = f"{Path(code.co_filename).name if code else ''}:{kind.__qualname__}"
+    if (
+        calling is None
+        or calling.rate is None
+        or not NETWORK.fullmatch(network)
+        or kind.__module__.startswith("torch.")
+    ):
         return None
     try:
         json.dumps([*calling.arguments, calling.keywords])

@@ -1,6 +1,5 @@
 """The graft that a recipe describes: its network is built from the file that the user named."""
 
-import inspect
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from pcsr.plugins.networks import find_network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import PartSpec, Recipe
 from pcsr.recipe.schema import Graft, Weights
+from pcsr.validation_messages import shown
 from pcsr.weights.fit import fill
 
 
@@ -80,8 +80,7 @@ def foreign_network(graft: Graft, registry: Registry) -> nn.Module:
             text += ". It needs a CUDA device, and there is none here"
         raise UserError(f"the network {graft.network} cannot be built with {graft.options}: {text}") from error
     if not isinstance(network, nn.Module):
-        kind = "module" if inspect.ismodule(network) else type(network).__name__
-        raise UserError(f"{graft.network} gives a {kind}, not a torch.nn.Module: name the class of the network")
+        raise UserError(f"{graft.network} gives {shown(network)}, not a torch.nn.Module: name the class of the network")
     return network
 
 

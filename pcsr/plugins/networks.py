@@ -43,8 +43,11 @@ def network_code(registry: Registry, network: str) -> str | None:
 
 
 def holds_networks(module: object) -> bool:
-    """Return whether a module has a class of networks that is no part of pcsr."""
-    return any(_is_network(value) for value in vars(module).values())
+    """Return whether a module has classes or functions and no part of pcsr, as files of foreign networks have."""
+    if hasattr(module, "pcsr_register"):  # a plugin that lacks the mark
+        return False
+    values = [value for name, value in vars(module).items() if not name.startswith("_") and callable(value)]
+    return bool(values) and not any(isinstance(value, type) and _is_part(value) for value in values)
 
 
 def _attribute(module: object, name: str) -> Any:
@@ -55,8 +58,12 @@ def _attribute(module: object, name: str) -> Any:
 
 
 def _is_network(value: Any) -> bool:
-    torch, contracts = sys.modules.get("torch"), sys.modules.get("pcsr.contracts")
+    torch = sys.modules.get("torch")
     if torch is None or not isinstance(value, type) or not issubclass(value, torch.nn.Module):
         return False
-    is_part = contracts is not None and issubclass(value, contracts.Part)
-    return not is_part and not value.__module__.startswith("torch.")
+    return not _is_part(value) and not value.__module__.startswith("torch.")
+
+
+def _is_part(kind: type) -> bool:
+    contracts = sys.modules.get("pcsr.contracts")
+    return contracts is not None and issubclass(kind, contracts.Part)

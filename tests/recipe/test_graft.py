@@ -51,7 +51,9 @@ def test_a_graft_has_defaults_and_the_name_of_its_file_alone(write):
     assert len(recipe.code["model.graft.network"]) == 12
     assert [path.name for path in registry.files] == ["cascade.py"]
     assert from_resolved(recipe.resolved(), registry) == recipe
-    with pytest.raises(RecipeError, match=r"model\.graft\.network: the network 'Cascade' of the file cascade\.py: hand in"):
+    with pytest.raises(
+        RecipeError, match=r"model\.graft\.network: the network 'Cascade' of the file cascade\.py: hand in"
+    ):
         from_resolved(recipe.resolved(), load_plugins())
 
 
@@ -146,7 +148,10 @@ def test_mistakes_have_their_line(write, more, message):
         ("none.py:Cascade", r"5:14: model\.graft\.network: there is no file .*none\.py"),
         ("cascade.py", r"5:14: model\.graft\.network must be FILE:CLASS, such as network\.py:Net, got 'cascade\.py'"),
         ("os:system", r"5:14: model\.graft\.network must be FILE:CLASS"),
-        ("broken.py:Net", r"5:14: .*broken\.py cannot be loaded: ModuleNotFoundError: No module named 'pointops_of_cuda'"),
+        (
+            "broken.py:Net",
+            r"5:14: .*broken\.py cannot be loaded: ModuleNotFoundError: No module named 'pointops_of_cuda'",
+        ),
     ],
 )
 def test_a_network_that_cannot_be_found_is_one_mistake(write, tmp_path, network, message):
