@@ -21,11 +21,12 @@ LARGEST = 1 << 24
 """Greatest size of a plugin file in bytes; a larger one is not read."""
 
 
-def file_code(file: Path) -> str | None:
-    """Hash a plugin file and the modules of its folder, and of those above it, that it imports.
+def file_code(file: Path, others: Iterable[Path] = ()) -> str | None:
+    """Hash a plugin file and the modules of its folder that it imports.
 
     Args:
         file: Python file.
+        others: further files of its code.
 
     Returns:
         12 hexadecimal digits, or None if there is no such file.
@@ -36,7 +37,7 @@ def file_code(file: Path) -> str | None:
     # The name of the file itself does not count: a renamed file has the same code.
     names = {
         path: "" if path == file else Path(os.path.relpath(path, file.parent)).as_posix()
-        for path in _local_modules(file)
+        for path in {*_local_modules(file), *others}
     }
     return _hash((name, path) for path, name in names.items())
 
@@ -95,30 +96,15 @@ def folder_of(module: str, file: Path) -> Path | None:
 
 
 def _local_modules(file: Path) -> list[Path]:
-    """List the file and the modules of its folder, and of those above it, that it imports, directly or indirectly."""
-    folders = [file.parent]
-    while True:
-        finder = ModuleFinder(path=list(map(str, folders)), excludes=list(EXCLUDED))
-        try:
-            finder.run_script(str(file))
-        except Exception:  # a module that cannot be parsed, which the file may import conditionally
-            return [file]
-        missing = {name.partition(".")[0] for name in finder.badmodules} - set(EXCLUDED)
-        above = {folder_of(name, file) for name in missing if not _is_installed(name)} - {None, *folders}
-        if not above:
-            break
-        folders += sorted(folder for folder in above if folder)
+    """List the file and the modules of its folder that it imports, directly or indirectly."""
+    finder = ModuleFinder(path=[str(file.parent)], excludes=list(EXCLUDED))
+    try:
+        finder.run_script(str(file))
+    except Exception:  # a module that cannot be parsed, which the file may import conditionally
+        return [file]
     # A package without an `__init__.py` has no file.
     found = {Path(named) for module in finder.modules.values() if (named := getattr(module, "__file__", None))}
-    resolved = {one.resolve() for one in found} | {file}
-    return [path for path in resolved if any(path.is_relative_to(folder) for folder in folders)]
-
-
-def _is_installed(module: str) -> bool:
-    try:
-        return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):
-        return False
+    return [path for path in {one.resolve() for one in found} | {file} if path.is_relative_to(file.parent)]
 
 
 def _packages(found: Any) -> set[str]:

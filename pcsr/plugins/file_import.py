@@ -11,12 +11,18 @@ from types import ModuleType
 from pcsr.errors import UserError
 from pcsr.plugins.code import LARGEST, folder_of
 
+PREFIX = "pcsr_plugin_"
+"""Beginning of the names of modules that are imported from files."""
 
-def import_file(file: Path) -> ModuleType:
+
+def import_file(file: Path) -> tuple[ModuleType, list[Path]]:
     """Import a Python file.
 
     A module that is not found is searched in the folder of the file and in those above, where scripts of a repository
     import it from. Such modules are the file's own: two repositories may both have one of the same name.
+
+    Returns:
+        The module, and the files of the modules that were found in this way.
 
     Raises:
         UserError: the file is too large, or not a Python file. Other errors are those of the file.
@@ -26,8 +32,9 @@ def import_file(file: Path) -> ModuleType:
     roots: list[Path] = []
     while True:
         try:
-            with _importable(roots):
-                return _executed(file)
+            with _importable(roots) as found:
+                module = _executed(file)
+            return module, found
         except ModuleNotFoundError as error:
             root = folder_of(error.name, file) if error.name else None
             if root is None or root in roots:
@@ -37,7 +44,7 @@ def import_file(file: Path) -> ModuleType:
 
 def _executed(file: Path) -> ModuleType:
     # With a hash of the path, two files of the same name get different names.
-    name = f"pcsr_plugin_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
+    name = f"{PREFIX}{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise UserError(f"{file} is not a Python file: its name must end in .py")
@@ -52,23 +59,32 @@ def _executed(file: Path) -> ModuleType:
 
 
 @contextmanager
-def _importable(roots: list[Path]) -> Iterator[None]:
-    """Let modules of some folders be imported, ahead of others; afterwards they are forgotten."""
+def _importable(roots: list[Path]) -> Iterator[list[Path]]:
+    """Let modules of some folders be imported, ahead of others; afterwards they are forgotten.
+
+    Yields:
+        Files of these modules; the list is filled when the context ends.
+    """
+    found: list[Path] = []
     if not roots:
-        yield
+        yield found
         return
     path, modules = list(sys.path), set(sys.modules)
     sys.path[:0] = map(str, roots)
     try:
-        yield
+        yield found
     finally:
         sys.path[:] = path
-        for name in set(sys.modules) - modules:
-            if not name.startswith("pcsr_plugin_") and _is_inside(sys.modules[name], roots):
+        # Found first: the path of a package inside of another one is computed from that of the outer.
+        added = [name for name in set(sys.modules) - modules if not name.startswith(PREFIX)]
+        origins = {name: _origin(sys.modules[name]) for name in added}
+        for name, origin in origins.items():
+            if origin is not None and any(origin.is_relative_to(root) for root in roots):
                 del sys.modules[name]
+                found += [origin] if origin.is_file() else []
 
 
-def _is_inside(module: ModuleType, roots: list[Path]) -> bool:
-    """Return whether the file or the folder of a module is in one of some folders."""
+def _origin(module: ModuleType) -> Path | None:
+    """Return the file of a module, or the folder of a package without one."""
     origin = getattr(module, "__file__", None) or next(iter(getattr(module, "__path__", ())), None)
-    return origin is not None and any(Path(origin).resolve().is_relative_to(root) for root in roots)
+    return None if origin is None else Path(origin).resolve()

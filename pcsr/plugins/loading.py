@@ -75,7 +75,7 @@ def add_file(registry: Registry, path: Path) -> None:
 
 
 def _imported(registry: Registry, file: Path) -> object:
-    module = import_file(file)
+    module, registry.imports[file] = import_file(file)
     registry.modules[file] = module
     return module
 

@@ -38,8 +38,9 @@ def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., 
 
 
 def network_code(registry: Registry, network: str) -> str | None:
-    """Hash the file of a network and the modules of its folder that it imports."""
-    return file_code(find_network(registry, network)[0])
+    """Hash the file of a network and the modules of its repository that it imports."""
+    file, _ = find_network(registry, network)
+    return file_code(file, registry.imports.get(file, ()))
 
 
 def holds_networks(module: object) -> bool:

@@ -24,9 +24,9 @@ def repository(tmp_path):
 
     def write(name, width):
         folder = tmp_path / name / "models"
-        folder.mkdir(parents=True)
-        (folder / "__init__.py").write_text("")
-        (folder / "layers.py").write_text(f"width = {width}\n")
+        (folder / "inner").mkdir(parents=True)  # packages without an __init__.py, as they often are
+        (folder / "layers.py").write_text("from models.inner.sizes import width\n")
+        (folder / "inner" / "sizes.py").write_text(f"width = {width}\n")
         (folder / f"{name}.py").write_text(NETWORK)
         return folder / f"{name}.py"
 
@@ -51,8 +51,10 @@ def test_an_edit_of_a_module_above_changes_the_code(repository):
     file = repository("one", 1)
     registry = load_plugins([file])
     before = network_code(registry, "one.py:Net")
-    assert before == file_code(file)
-    (file.parent / "layers.py").write_text("width = 3\n")
+    assert before != file_code(file)
+    assert before == network_code(load_plugins([file]), "one.py:Net")
+    sizes = file.parent / "inner" / "sizes.py"
+    sizes.write_text(sizes.read_text() + "# edited\n")
     assert network_code(registry, "one.py:Net") != before
 
 
