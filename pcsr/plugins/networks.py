@@ -1,6 +1,7 @@
 """Networks of foreign code: classes and functions in Python files that a user names."""
 
 import sys
+import typing
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,9 @@ from pcsr.plugins.registry import Registry
 
 def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., Any]]:
     """Find the class of a network, or the function that returns it, in the plugin files of a registry.
+
+    A weights file may name it, so that nothing else in these files can be called: a class must be derived from
+    `torch.nn.Module`, and a function annotated as returning one.
 
     Args:
         registry: with the files.
@@ -26,12 +30,17 @@ def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., 
     file, _, name = network.rpartition(":")
     named = [path for path in registry.modules if path.name == file]
     for path in named or registry.modules:
-        found = _attribute(registry.modules[path], name)
-        if callable(found):
+        found: Any = vars(registry.modules[path]).get(name)
+        if _makes_network(found):
             return path, found
+    if named and name in vars(registry.modules[named[0]]):
+        raise UserError(
+            f"'{name}' of {named[0]} is no class derived from torch.nn.Module, nor a function annotated as returning "
+            f"one: write `def {name}(…) -> torch.nn.Module:`"
+        )
     if named:
-        known = [key for key, value in vars(registry.modules[named[0]]).items() if _is_network(value)]
-        raise UserError(f"{named[0]} has no class or function '{name}': {did_you_mean(name, known)}")
+        known = [key for key, value in vars(registry.modules[named[0]]).items() if _makes_network(value)]
+        raise UserError(f"{named[0]} has no network '{name}': {did_you_mean(name, known)}")
     raise UserError(
         f"the network '{name}' of the file {file}: hand in that file with --plugin (in Python: plugins=[…])"
     )
@@ -44,27 +53,22 @@ def network_code(registry: Registry, network: str) -> str | None:
 
 
 def holds_networks(module: object) -> bool:
-    """Return whether a module has classes or functions and no part of pcsr, as files of foreign networks have."""
-    if hasattr(module, "pcsr_register"):  # a plugin that lacks the mark
+    """Return whether a module has the class of a network that is no part of pcsr, or a function that returns one."""
+    return any(_makes_network(value) for value in vars(module).values())
+
+
+def _makes_network(value: Any) -> bool:
+    if isinstance(value, type):
+        return _is_network(value)
+    try:
+        return callable(value) and _is_network(typing.get_type_hints(value).get("return"), of_torch=True)
+    except Exception:  # hints that cannot be evaluated
         return False
-    values = [value for name, value in vars(module).items() if not name.startswith("_") and callable(value)]
-    return bool(values) and not any(isinstance(value, type) and _is_part(value) for value in values)
 
 
-def _attribute(module: object, name: str) -> Any:
-    found: Any = module
-    for part in name.split("."):
-        found = getattr(found, part, None)
-    return found
-
-
-def _is_network(value: Any) -> bool:
-    torch = sys.modules.get("torch")
-    if torch is None or not isinstance(value, type) or not issubclass(value, torch.nn.Module):
+def _is_network(kind: Any, *, of_torch: bool = False) -> bool:
+    torch, contracts = sys.modules.get("torch"), sys.modules.get("pcsr.contracts")
+    if torch is None or not isinstance(kind, type) or not issubclass(kind, torch.nn.Module):
         return False
-    return not _is_part(value) and not value.__module__.startswith("torch.")
-
-
-def _is_part(kind: type) -> bool:
-    contracts = sys.modules.get("pcsr.contracts")
-    return contracts is not None and issubclass(kind, contracts.Part)
+    is_part = contracts is not None and issubclass(kind, contracts.Part)
+    return not is_part and (of_torch or not kind.__module__.startswith("torch."))

@@ -24,7 +24,7 @@ DATA, MODEL = (frozenset(keys for keys in PARTS if keys[0] == section) for secti
 """`DATA`: keys of the parts that building data needs. `MODEL`: keys of the network's parts, which inference needs."""
 NETWORK_KEYS: Keys = ("model", "graft", "network")
 """Key at which a recipe names a foreign network."""
-NETWORK = re.compile(r"[^/\\:]{1,200}\.py:[A-Za-z_]\w{0,99}(\.[A-Za-z_]\w{0,99})*")
+NETWORK = re.compile(r"[^/\\:]{1,200}\.py:[A-Za-z_]\w{0,99}")
 """Pattern of a network in a resolved recipe: the name of a Python file without its folder, and that of a class in it,
 or of a function that returns the network."""
 

@@ -124,8 +124,8 @@ class Graft(Section):
     """Touch on a foreign network: its class, its layer and the tactile parts."""
 
     network: Annotated[str, Field(pattern=f"^{NETWORK.pattern}$")]
-    """File and class of the network, or a function that returns it: `network.py:Net`. In a recipe the file is a path,
-    relative to the recipe's folder; in a resolved recipe its name alone."""
+    """File and class of the network, or an annotated function that returns it: `network.py:Net`. In a recipe the file
+    is a path, relative to the recipe's folder; in a resolved recipe its name alone."""
     options: dict[str, Any] = Field(default_factory=dict)
     """Keyword arguments of the class or function."""
     weights: Weights | None = None

@@ -91,7 +91,7 @@ def test_without_its_file_a_model_is_refused_and_no_other_code_is_run(run, tmp_p
         assert done.output.count("\n") == 1
     Path("cascade.py").write_text("import torch\n\n\nclass Other(torch.nn.Module):\n    pass\n")
     done = run(*arguments, "--plugin", "cascade.py")
-    assert "cascade.py has no class or function 'Cascade'" in done.output
+    assert "cascade.py has no network 'Cascade'" in done.output
     assert not (tmp_path / "dense.ply").exists()
 
 

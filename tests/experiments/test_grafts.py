@@ -140,7 +140,7 @@ class NoCloud(nn.Module):
     def forward(self, points):
         return self.features(points)
 
-def nothing():
+def nothing() -> nn.Module:
     return 7
 """
 

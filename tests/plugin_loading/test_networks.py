@@ -66,14 +66,30 @@ def test_a_renamed_file_has_the_network_still(repository):
 @pytest.mark.parametrize(
     ("network", "message"),
     [
-        ("one.py:Nett", r"one\.py has no class or function 'Nett': did you mean 'Net'\?"),
-        ("one.py:width", r"one\.py has no class or function 'width'"),
+        ("one.py:Nett", r"one\.py has no network 'Nett': did you mean 'Net'\?"),
+        ("one.py:width", r"'width' of .*one\.py is no class derived from torch\.nn\.Module, nor a function annotated"),
         ("other.py:Other", r"network 'Other' of the file other\.py: hand in that file with --plugin"),
     ],
 )
 def test_a_network_that_is_not_there_is_named(repository, network, message):
     with pytest.raises(UserError, match=message):
         find_network(load_plugins([repository("one", 1)]), network)
+
+
+def test_nothing_but_networks_can_be_named(tmp_path):
+    """Weights name the network and its options: they must not call other functions of a file."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import os\nfrom os import system\nfrom subprocess import Popen\nfrom torch import nn, load\n"
+        "from torch.nn import Linear\n\n\ndef helper(path):\n    os.remove(path)\n\n\n"
+        "def made(path: str) -> nn.Module:\n    return nn.Linear(3, 3)\n"
+    )
+    registry = load_plugins([file])
+    assert not registry.failures
+    assert find_network(registry, "mine.py:made")[0] == file
+    for name in ("os", "os.system", "system", "Popen", "load", "helper", "Linear", "nn", "__builtins__", "none"):
+        with pytest.raises(UserError, match=r"is no class derived|has no network"):
+            find_network(registry, f"mine.py:{name}")
 
 
 def test_files_that_cannot_be_loaded_are_refused_in_one_line(repository, tmp_path):

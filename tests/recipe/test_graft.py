@@ -144,7 +144,7 @@ def test_mistakes_have_their_line(write, more, message):
 @pytest.mark.parametrize(
     ("network", "message"),
     [
-        ("cascade.py:Cascad", r"5:14: .*cascade\.py has no class or function 'Cascad': did you mean 'Cascade'\?"),
+        ("cascade.py:Cascad", r"5:14: .*cascade\.py has no network 'Cascad': did you mean 'Cascade'\?"),
         ("none.py:Cascade", r"5:14: model\.graft\.network: there is no file .*none\.py"),
         ("cascade.py", r"5:14: model\.graft\.network must be FILE:CLASS, such as network\.py:Net, got 'cascade\.py'"),
         ("os:system", r"5:14: model\.graft\.network must be FILE:CLASS"),

@@ -82,6 +82,6 @@ class KernelUpsampler(nn.Module):
         return self.decoder(points, self.encoder(points))
 
 
-def network(up_rate=4, dim=32):
+def network(up_rate=4, dim=32) -> nn.Module:
     """The network with its settings, which a recipe cannot write as a namespace."""
     return KernelUpsampler(SimpleNamespace(up_rate=up_rate, dim=dim, out_dim=2 * dim, k=8, blocks=2))
