@@ -2,13 +2,15 @@
 
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from pcsr.contracts import TouchBatch, Upsampler
-from pcsr.errors import UserError
+from pcsr.errors import PcsrError, UserError
 from pcsr.grafting.calling import dense_clouds
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import with_points
+from pcsr.grafting.observation import one_line
 from pcsr.tensors import Dense, Points
 
 UPSAMPLER = Upsampler()
@@ -39,7 +41,7 @@ class GraftedNetwork(Grafted):
             (b rate·n 3), in the same frame.
 
         Raises:
-            UserError: the network gives no cloud of this size.
+            UserError: the network raises an error, or gives no cloud of this size.
         """
         return self.stages(points, rate, touches)[-1]
 
@@ -50,8 +52,17 @@ class GraftedNetwork(Grafted):
         arguments, keywords = ((), {}) if calling is None else (calling.arguments, calling.keywords)
         args, kwargs = with_points(self.injection_point.points, cloud, arguments, keywords)
         touched = {} if touches is None else {"touches": touches.points, "mask": touches.mask}
-        result = super().forward(*args, **touched, **kwargs)
-        return dense_clouds(type(self.network).__name__, result, points.shape[0], points.shape[1], rate)
+        name = type(self.network).__name__
+        try:
+            result = super().forward(*args, **touched, **kwargs)
+        except PcsrError:
+            raise
+        except Exception as error:  # foreign code may raise any error
+            if torch.compiler.is_exporting():  # whose own errors are part of its way of working
+                raise
+            text = f"{type(error).__name__}: {one_line(error)}"
+            raise UserError(f"{name} fails on points of {tuple(cloud.shape)}: {text}") from error
+        return dense_clouds(name, result, points.shape[0], points.shape[1], rate)
 
     def candidates(self, points: Points, rate: int, touches: TouchBatch | None = None) -> tuple[Dense, None]:
         """Generate points as `forward` does. Their errors are not predicted."""

@@ -1,5 +1,6 @@
 """Networks of somebody else at the command line: compared with and without touch, and used by `pcsr upsample`."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -92,6 +93,16 @@ def test_without_its_file_a_model_is_refused_and_no_other_code_is_run(run, tmp_p
     Path("cascade.py").write_text("import torch\n\n\nclass Other(torch.nn.Module):\n    pass\n")
     done = run(*arguments, "--plugin", "cascade.py")
     assert "cascade.py has no network 'Cascade'" in done.output
+    assert not (tmp_path / "dense.ply").exists()
+
+
+def test_a_cloud_that_the_network_cannot_take_is_one_line(run, tmp_path):
+    save_graft("grafted.safetensors", pcsr.graft(network("cascade"), "second.features", probe=64))
+    Path("cascade.py").write_text(Path("cascade.py").read_text().replace("channels=32, k=8", "channels=32, k=90"))
+    done = run("upsample", "scan.ply", "-o", "dense.ply", "--model", "grafted.safetensors", "--plugin", "cascade.py")
+    assert done.exit_code == UserError.exit_code
+    assert re.search(r"Cascade fails on points of \(1, 3, 64\): RuntimeError: .*k", done.output)
+    assert "Traceback" not in done.output
     assert not (tmp_path / "dense.ply").exists()
 
 
