@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         UpsamplingNetwork,
         Widths,
     )
+    from pcsr.data.loader import Loader
     from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
@@ -54,6 +55,7 @@ _HOMES = {
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
     **dict.fromkeys(("RegisteredTouch", "Registration", "register"), "pcsr.registration"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
+    "Loader": "pcsr.data.loader",
     **dict.fromkeys(
         (
             "Backbone",
@@ -82,6 +84,7 @@ __all__ = [
     "Encoder",
     "Fusion",
     "Grafted",
+    "Loader",
     "Metric",
     "Model",
     "Objective",

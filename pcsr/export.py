@@ -16,7 +16,7 @@ from pcsr.contracts import Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.extras import imported, require
 from pcsr.files import write_whole
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.save import save_weights
 from pcsr.recipe import Recipe
 from pcsr.upsample.candidates import Networked
@@ -114,7 +114,7 @@ def export_onnx(
     return {**inputs, "dense": (size, trained.rate * points, 3)}
 
 
-def _exportable(model: "Model", path: Path, example: str) -> tuple[Network, Recipe]:
+def _exportable(model: "Model", path: Path, example: str) -> tuple[AnyNetwork, Recipe]:
     """Return the network of a model and its recipe.
 
     Raises:
@@ -159,7 +159,7 @@ def _write(part: Path, content: bytes) -> None:
 class _Fixed(nn.Module):
     """Copy of a network on the CPU with a fixed rate, since an input of a graph must be a tensor."""
 
-    def __init__(self, network: Network, recipe: Recipe) -> None:
+    def __init__(self, network: AnyNetwork, recipe: Recipe) -> None:
         super().__init__()
         self.network = copy.deepcopy(network).cpu().float().requires_grad_(False)
         self.rate = recipe.network_rate

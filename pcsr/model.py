@@ -16,8 +16,8 @@ from pcsr.clouds.faults import Bad, ScreenedCloud, screen
 from pcsr.clouds.pose_error import PoseError
 from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
-from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
 from pcsr.touches import GivenTouches, TouchesLike
@@ -49,7 +49,7 @@ class Model:
     """
 
     name: str
-    network: Network | None
+    network: AnyNetwork | None
     """Network in `eval` mode; `None` for interpolation."""
     recipe: Recipe | None
     """Recipe of the network; `None` for interpolation."""

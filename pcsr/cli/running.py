@@ -95,7 +95,7 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
 
     from pcsr import report
     from pcsr.data.built import BuiltData
-    from pcsr.experiments.run import packages, run
+    from pcsr.experiments.run import check_graft, packages, run
     from pcsr.experiments.run_options import RunOptions, run_folder
     from pcsr.extras import require
     from pcsr.recipe.pretrained import check_weights
@@ -113,7 +113,8 @@ def run_all(recipes: "Sequence[Recipe]", registry: "Registry", where: dict[str, 
             log.print(f"data: {line}", markup=False, soft_wrap=True)
     require({name: user for one in recipes for name, user in packages(one, registry, options).items()})
     for one in recipes:
-        check_weights(one, registry)  # all weights are checked before the first run
+        check_weights(one, registry)  # all weights and grafts are checked before the first run
+        check_graft(one, registry)
     folders: dict[Path, str] = {}
     for one in recipes:
         folder = run_folder(one, options)

@@ -160,6 +160,14 @@ class Batches:
         return points, truth, touched, torch.cat([mask, mask.new_zeros(missing)])
 
 
+def usable(augment: Sequence[str], sampling: str) -> list[str]:
+    """Return the augmentations that suit clouds of a sampling: only random ones are redrawn.
+
+    A cloud that is redrawn from the truth is neither a view from one side nor evenly spaced.
+    """
+    return [name for name in augment if name != "redraw" or sampling in ("random", "mixed")]
+
+
 def _is_part(points: Float[Tensor, "n 3"], truth: Float[Tensor, "g 3"]) -> bool:
     """Whether a cloud was sampled from the truth. The view of a camera was not, and must not be sampled again."""
     return bool((truth == points[0]).all(1).any())

@@ -15,7 +15,7 @@ from pcsr.data.sample import covered_points, item_seed
 from pcsr.errors import UserError
 from pcsr.metrics.one_cloud import measured
 from pcsr.metrics.touch_effect import TouchEffect, touch_effect
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import FILE, Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
@@ -65,7 +65,7 @@ class Evaluation:
     """Name of the way in which the first method makes a cloud dense; `None` if that is no network."""
 
 
-def methods(recipe: Recipe, network: Network, registry: Registry) -> list[Method]:
+def methods(recipe: Recipe, network: AnyNetwork, registry: Registry) -> list[Method]:
     """Return the network of a recipe and its baselines as methods, the network first.
 
     Raises:

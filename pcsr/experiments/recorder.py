@@ -13,7 +13,7 @@ from pcsr.errors import RunError
 from pcsr.experiments.history import History
 from pcsr.experiments.train_state import load_training, save_training
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.recipe import Recipe
 from pcsr.run_files import HISTORY
 from pcsr.threads import thread_count, threads
@@ -48,7 +48,7 @@ class Recorder:
     def __init__(
         self,
         recipe: Recipe,
-        network: Network,
+        network: AnyNetwork,
         validation: Split,
         run: Path,
         *,
@@ -150,7 +150,7 @@ def _is_of(checkpoint: Path, data_fingerprint: str | None) -> bool:
 
 
 @torch.no_grad()
-def validate(network: Network, split: Split, recipe: Recipe) -> float:
+def validate(network: AnyNetwork, split: Split, recipe: Recipe) -> float:
     """Compute the mean Chamfer distance over a split in the truth's unit sphere, with the touches of the recipe.
 
     The network works alone (`upsample_plainly`), so that the error is not that of the evaluation.

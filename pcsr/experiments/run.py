@@ -19,6 +19,7 @@ from pcsr.data.source import data_of
 from pcsr.errors import UserError
 from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
 from pcsr.experiments.run_options import RunOptions, run_folder
+from pcsr.experiments.train import initial
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
 from pcsr.metrics import METRICS
@@ -26,6 +27,7 @@ from pcsr.metrics.emd import EXACT
 from pcsr.plugins.registry import Registry
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
+from pcsr.recipe.schema import GraftedModel
 from pcsr.results import Data, MetricNote, Results, Training, validated
 from pcsr.run_files import HISTORY, Example, FinishedRun, read_history, write_run
 
@@ -48,6 +50,19 @@ def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[st
     elif recipe.measured_on_meshes(registry):
         needed |= recipe.data.shapes.needs(registry, "shapes")
     return needed
+
+
+def check_graft(recipe: Recipe, registry: Registry) -> None:
+    """Build the graft of a recipe once, so that mistakes are reported before the data are built.
+
+    Raises:
+        UserError: the foreign network cannot be built, run or grafted, or its weights do not fit.
+    """
+    if isinstance(recipe.model, GraftedModel) and recipe.weights is None:
+        try:
+            initial(recipe, registry)
+        except UserError as error:
+            raise UserError(f"recipe '{recipe.name}': {error}") from error
 
 
 def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Console) -> FinishedRun | None:

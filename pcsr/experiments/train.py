@@ -14,17 +14,19 @@ import torch
 from torch import nn
 
 from pcsr.contracts import Objective, TouchBatch
-from pcsr.data.batches import Batch, Batches
+from pcsr.data.batches import Batch, Batches, usable
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import UserError
 from pcsr.experiments.recorder import Progress, Recorder
 from pcsr.files import sha256
+from pcsr.grafting.from_recipe import load_state
+from pcsr.grafting.grafted_network import GraftedNetwork
 from pcsr.network.build import build
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-from pcsr.recipe.schema import Weights
+from pcsr.recipe.schema import GraftedModel, Weights
 from pcsr.threads import thread_count, threads
 from pcsr.weights.file import read_file
 from pcsr.weights.find import find
@@ -40,7 +42,7 @@ class _Training(nn.Module):
     Its arguments are tensors, since Fabric converts no other arguments to the precision of the run.
     """
 
-    def __init__(self, network: Network, objective: Objective) -> None:
+    def __init__(self, network: AnyNetwork, objective: Objective) -> None:
         super().__init__()
         self.network = network
         self.objective = objective
@@ -63,7 +65,7 @@ def train(
     checkpoint_every: float = 60.0,
     loaders: int = LOADERS,
     data_fingerprint: str | None = None,
-) -> Network:
+) -> AnyNetwork:
     """Train the network of a recipe, from the last checkpoint in `run` if there is one of the same data.
 
     Args:
@@ -131,21 +133,32 @@ def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
             f"train.batch is {settings.batch}, which {processes} processes cannot share equally: make it a multiple of "
             f"{processes}"
         )
-    # A cloud that is redrawn from the truth is neither a view from one side nor evenly spaced.
-    redrawn = recipe.data.sampling in ("random", "mixed")
-    augment = [name for name in settings.augment if name != "redraw" or redrawn]
+    augment = usable(settings.augment, recipe.data.sampling)
     size = min(settings.batch, len(data))
     return Batches(data, size, recipe.touch_range, augment, recipe.seed, recipe.patches)
 
 
 def _model(recipe: Recipe, registry: Registry) -> _Training:
     """Build network and objective, with initial weights determined by the recipe's seed."""
-    network = build(recipe, registry)
-    if recipe.train.start is not None:
-        fill_matching(network, *_start(recipe.train.start))
+    network = initial(recipe, registry)
     with torch.random.fork_rng(devices=[]):  # an objective may have random initial weights
         torch.manual_seed(recipe.seed)
         return _Training(network, recipe.train.objective.build(registry, "objective"))
+
+
+def initial(recipe: Recipe, registry: Registry) -> AnyNetwork:
+    """Build the network of a recipe with the weights that training starts from.
+
+    Raises:
+        UserError: the network cannot be built, or weights do not fit it.
+    """
+    network = build(recipe, registry)
+    model = recipe.model
+    if isinstance(network, GraftedNetwork) and isinstance(model, GraftedModel) and model.graft.weights is not None:
+        load_state(network.network, model.graft.weights)
+    if recipe.train.start is not None:
+        fill_matching(network, *_start(recipe.train.start))
+    return network
 
 
 def _start(weights: Weights) -> tuple[dict[str, torch.Tensor], Path]:
@@ -167,7 +180,9 @@ def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float,
     tensors = (batch.points, batch.truth, batch.touches.points, batch.touches.mask)
     losses = model(*(fabric.to_device(tensor) for tensor in tensors), rate)
     optimizer.zero_grad()
-    fabric.backward(sum(losses.values()))
+    total = sum(losses.values())
+    if torch.is_tensor(total) and total.requires_grad:  # not in a batch without touches, of a frozen network
+        fabric.backward(total)
     optimizer.step()
     # The shares of the processes are equal, so that the mean of their means is the mean of the batch.
     means: dict[str, torch.Tensor] = {
@@ -186,7 +201,8 @@ def learning_rate(recipe: Recipe, epoch: int) -> float:
 
 def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
     kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-    groups = [{"params": list(model.network.parameters()), "lr_multiplier": 1.0}]
+    trained = [weight for weight in model.network.parameters() if weight.requires_grad]
+    groups = [{"params": trained, "lr_multiplier": 1.0}]
     if own := list(model.objective.parameters()):
         groups.append({"params": own, "lr_multiplier": model.objective.lr_multiplier})
     optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.learning_rate)

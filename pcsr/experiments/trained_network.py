@@ -18,9 +18,11 @@ from pcsr.experiments.recorder import CHECKPOINT, checkpoint_step
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import train
 from pcsr.files import write_text
+from pcsr.grafting.description import described
+from pcsr.grafting.grafted_network import GraftedNetwork
 from pcsr.network.card import other_code
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
-from pcsr.network.network import Network
 from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
@@ -43,7 +45,7 @@ def trained(
     fabric: "Fabric",
     options: RunOptions,
     progress: Progress,
-) -> tuple[Network, dict[str, Any]]:
+) -> tuple[AnyNetwork, dict[str, Any]]:
     """Return the network of a recipe with finished weights, and the origin of the weights.
 
     Weights that the recipe names are loaded, or else finished weights of exactly this recipe, its data and the code of
@@ -124,6 +126,8 @@ def trained(
     }
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
+    if isinstance(network, GraftedNetwork):
+        card["graft"] = described(network)
     if options.data:
         card["data"] = BuiltData.read(options.data).card()
     save_weights(folder / WEIGHTS, network, card, registry)
@@ -137,7 +141,7 @@ def trained(
 
 def _kept(
     recipe: Recipe, earlier: EarlierWeights | None, registry: Registry, options: RunOptions, progress: Progress
-) -> tuple[Network, dict[str, Any]]:
+) -> tuple[AnyNetwork, dict[str, Any]]:
     """Load weights that were trained with other code of a part; the results record it.
 
     Raises:
@@ -162,7 +166,7 @@ def _kept(
     }
 
 
-def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[Network, dict[str, Any]]:
+def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> tuple[AnyNetwork, dict[str, Any]]:
     """Load a network from a weights file, with the fields of `pcsr.results.Training` from its card."""
     progress.console.print(f"weights: {source}, {path}", markup=False, soft_wrap=True)
     with warnings.catch_warnings(record=True) as warned:

@@ -14,7 +14,9 @@ from torch import Tensor, nn
 from pcsr.contracts import Encoder, Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_frame
+from pcsr.grafting.calling import Calling
 from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
+from pcsr.grafting.layer_points import LayerPoints
 from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
@@ -25,12 +27,17 @@ MOST_DISTANCE = 5.0
 class Grafted(nn.Module):
     """A network with touch at one of its layers. Without touches its output is that of the network, bit for bit.
 
+    While it is `frozen`, the network stays in `eval` mode when the graft is trained, so that the statistics of its
+    normalisation layers do not change. Set `grafted.frozen = False` to train the network along.
+
     Examples:
         >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
-        >>> grafted = pcsr.graft(network, at="0", probe=(1, 32, 3))
+        >>> grafted = pcsr.graft(network, at="0")
         >>> points = torch.rand(1, 32, 3)
         >>> torch.equal(grafted(points), network(points))
         True
+        >>> grafted.train().network.training
+        False
         >>> len(list(grafted.tactile_parameters())) > 0
         True
     """
@@ -42,6 +49,9 @@ class Grafted(nn.Module):
         touch_encoder: Encoder | None,
         injection_point: InjectionPoint,
         specs: dict[str, Any],
+        calling: Calling | None = None,
+        *,
+        frozen: bool = True,
     ) -> None:
         super().__init__()
         self.network = network
@@ -49,6 +59,19 @@ class Grafted(nn.Module):
         self.touch_encoder = touch_encoder
         self.injection_point = injection_point
         self.specs = specs
+        self.calling = calling
+        self.frozen = frozen
+        self._freeze()
+
+    def train(self, mode: bool = True) -> "Grafted":
+        """Set the mode of the tactile parts, and of the network unless it is `frozen`."""
+        super().train(mode)
+        self._freeze()
+        return self
+
+    def _freeze(self) -> None:
+        if self.frozen and not isinstance(self.network, Grafted):  # a graft freezes its own network
+            self.network.eval()
 
     def forward(self, *args: Any, touches: Tensor | None = None, mask: Tensor | None = None, **kwargs: Any) -> Any:
         """Run the network, with touches fused into the output of the grafted layer.
@@ -99,9 +122,14 @@ class Grafted(nn.Module):
         caller, learning = threading.get_ident(), torch.is_grad_enabled()
         calls = 0
 
+        layer_points = LayerPoints(self.injection_point, points)
+
+        def here() -> bool:  # replicas on several devices share a layer's hooks
+            return threading.get_ident() == caller
+
         def hook(_layer: nn.Module, _args: Any, output: Any) -> Tensor | None:
             nonlocal calls
-            if threading.get_ident() != caller:  # replicas on several devices share a layer's hooks
+            if not here():
                 return None
             calls += 1
             if calls > 1:
@@ -113,16 +141,18 @@ class Grafted(nn.Module):
                 )
             check_output(self.injection_point, output, points)
             features = to_bnc(output, layout)
-            fused = fuse(self.fusion, self.touch_encoder, points, features, touches)
+            fused = fuse(self.fusion, self.touch_encoder, layer_points.get(), features, touches)
             if torch.compiler.is_exporting():  # `fuse` then fuses rows without touches too
                 fused = torch.where(touches.mask.any(1)[:, None, None], fused, features)
             return from_bnc(fused.to(output.dtype), layout)
 
-        handle = self.network.get_submodule(at).register_forward_hook(hook)
+        handles = layer_points.watch(self.network, here)
+        handles.append(self.network.get_submodule(at).register_forward_hook(hook))
         try:
             result = self.network(*args, **kwargs)
         finally:
-            handle.remove()
+            for handle in handles:
+                handle.remove()
         if not calls:
             raise UserError(
                 f"layer '{at}' was not called in this pass, so the touches had no effect: graft at a layer that "

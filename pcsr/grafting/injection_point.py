@@ -8,9 +8,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr.errors import UserError
+from pcsr.recipe.schema import Layout, PointsLayout
 
-Layout = Literal["bnc", "bcn", "bcn1"]
-PointsLayout = Literal["bnc", "bcn"]
+Order = Literal["interleaved", "tiled"]
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """An argument or the output of a module that holds the points of a grafted layer."""
+
+    module: str
+    """Dotted name of the module; empty for the network itself."""
+    argument: int | str | None
+    """Position or keyword of the argument; None for the output."""
+    layout: PointsLayout
+    """Layout of the points: (b kn 3) or (b 3 kn)."""
 
 
 @dataclass(frozen=True)
@@ -19,15 +31,15 @@ class InjectionPoint:
 
     Examples:
         >>> network = torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, 3))
-        >>> point = pcsr.graft(network, at="0", probe=(1, 32, 3)).injection_point
-        >>> point.at, point.layout, point.width
-        ('0', 'bnc', 16)
+        >>> point = pcsr.graft(network, at="0").injection_point
+        >>> point.at, point.layout, point.width, point.multiple
+        ('0', 'bnc', 16, 1)
     """
 
     at: str
     """Dotted name of the layer."""
     layout: Layout
-    """Layout of the layer's output: (b n c), (b c n) or (b c n 1)."""
+    """Layout of the layer's output: (b kn c), (b c kn) or (b c kn 1)."""
     width: int
     """Number of channels of the layer's output."""
     points: int | str = 0
@@ -36,6 +48,13 @@ class InjectionPoint:
     """Layout of the points: (b n 3) or (b 3 n)."""
     channels: int = 3
     """Number of channels of the points, of which the first three are the coordinates."""
+    multiple: int = 1
+    """k, the number of features of the layer for each point of the input."""
+    order: Order | None = None
+    """Order of the features where these belong to k copies of each point: "interleaved" (0 0 1 1 …) or "tiled"
+    (0 1 … 0 1 …)."""
+    seen: SeenPoints | None = None
+    """The points of the layer, where the network computes k·n of them ahead of it."""
 
 
 def visual_points(point: InjectionPoint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:
@@ -50,6 +69,18 @@ def visual_points(point: InjectionPoint, args: Sequence[Any], kwargs: Mapping[st
             f"probe: hand them over like that, or graft with another points= or points_layout="
         )
     return (cloud if axis == 2 else cloud.transpose(1, 2))[..., :3].clone()
+
+
+def with_points(
+    which: int | str, cloud: Tensor, arguments: Sequence[Any], keywords: Mapping[str, Any]
+) -> tuple[list[Any], dict[str, Any]]:
+    """Return the arguments of a network by position and by keyword: the points, at `which`, and its other ones."""
+    args, kwargs = list(arguments), dict(keywords)
+    if isinstance(which, str):
+        kwargs[which] = cloud
+    else:
+        args.insert(which, cloud)
+    return args, kwargs
 
 
 def _argument(which: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
@@ -85,8 +116,8 @@ def from_bnc(features: Float[Tensor, "b n c"], layout: Layout) -> Tensor:
 
 
 def check_output(point: InjectionPoint, output: Any, points: Tensor) -> None:
-    """Refuse what is not one feature for each point, in the layout and width of the injection point."""
-    rows, count = points.shape[:2]
+    """Refuse what is not k features for each point, in the layout and width of the injection point."""
+    rows, count = points.shape[0], point.multiple * points.shape[1]
     expected = {
         "bnc": (rows, count, point.width),
         "bcn": (rows, point.width, count),
@@ -94,7 +125,9 @@ def check_output(point: InjectionPoint, output: Any, points: Tensor) -> None:
     }[point.layout]
     if not isinstance(output, Tensor) or output.shape != expected:
         shape = tuple(output.shape) if isinstance(output, Tensor) else f"a {type(output).__name__}"
+        number = "one feature" if point.multiple == 1 else f"{point.multiple} features"
         raise UserError(
-            f"layer '{point.at}' gives {shape} for {rows} × {count} points, not one feature of {point.width} channels "
-            f"for each as '{point.layout}': graft at a layer ahead of any sampling, and state the layout it has"
+            f"layer '{point.at}' gives {shape} for {rows} × {points.shape[1]} points, not {number} of {point.width} "
+            f"channels for each as '{point.layout}': graft at a layer ahead of any sampling, and state the layout it "
+            f"has"
         )

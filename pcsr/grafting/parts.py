@@ -11,7 +11,7 @@ from torch import Tensor
 from pcsr.contracts import Encoder, Fusion, TouchBatch, Widths
 from pcsr.errors import UserError
 from pcsr.grafting.grafted import Grafted
-from pcsr.grafting.probe import one_line, quiet
+from pcsr.grafting.observation import one_line, quiet
 from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import PartSpec, options_model

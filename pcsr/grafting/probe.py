@@ -1,7 +1,7 @@
-"""Test runs of a foreign network, which find the layout and width of a layer's output."""
+"""Test runs of a foreign network, which find out how it is called, and what one of its layers gives."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
@@ -9,85 +9,141 @@ import torch
 from torch import Tensor, nn
 
 from pcsr.errors import UserError
-from pcsr.grafting.injection_point import InjectionPoint, Layout, PointsLayout, channel_axis, check_output
+from pcsr.grafting.calling import Calling, dense_rate
+from pcsr.grafting.features import check_calls, find_features, hint
+from pcsr.grafting.injection_point import InjectionPoint, channel_axis, check_output, with_points
+from pcsr.grafting.layer_points import find_points
+from pcsr.grafting.observation import NotRunError, Observation, Shape, observe, tensor_like
+from pcsr.recipe.schema import Layout, PointsLayout
 
-Shape = tuple[int, ...]
+Probe = int | Sequence[int] | Tensor
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a network: the layer, its layout, and how the network is called."""
+
+    at: str
+    layout: Layout | None
+    points: int | str
+    arguments: Sequence[Any]
+    keywords: Mapping[str, Any]
 
 
 def probe_layer(
-    network: nn.Module,
-    at: str,
-    layout: Layout | None,
-    points: int | str,
-    points_layout: PointsLayout | None,
-    probe: Sequence[int] | Tensor,
-    arguments: Sequence[Any],
-    keywords: Mapping[str, Any],
-) -> InjectionPoint:
-    """Run the network, twice where the layout is not stated, and look at what the layer gives."""
-    layer = find_layer(network, at)
-    if isinstance(points, int) and not 0 <= points <= len(arguments):
+    network: nn.Module, question: Question, probe: Probe, points_layout: PointsLayout | None
+) -> tuple[InjectionPoint, Calling]:
+    """Run the network a few times, and look at what the layer gives.
+
+    Raises:
+        UserError: there is no such layer, it is not suitable, or the network cannot be run on the probe.
+    """
+    taken = question.points
+    if isinstance(taken, int) and not 0 <= taken <= len(question.arguments):
         raise UserError(
-            f"points={points} is no position beside {len(arguments)} others: give those before it in arguments="
+            f"points={taken} is no position beside {len(question.arguments)} others: give those before it in arguments="
         )
-    like = tensor_like(network)
-    cloud = probe if isinstance(probe, Tensor) else _random_cloud(probe).to(like)
-    if cloud.dim() != 3 or min(cloud.shape) == 0:
-        raise UserError(f"the probe is {tuple(cloud.shape)}: points are (b n 3) or (b 3 n)")
-    points_layout = points_layout or _points_layout(tuple(cloud.shape))
-    axis = 3 - channel_axis(points_layout)
-    if cloud.shape[3 - axis] < 3:
-        raise UserError(f"the probe is {tuple(cloud.shape)}, which is no '{points_layout}' of at least 3 channels")
-    clouds = [cloud]
-    if layout is None:
-        cloud = cloud if len(cloud) > 1 else cloud.repeat(2, 1, 1)
-        # Not the same points twice, since some networks fail on distances of zero.
-        clouds = [cloud, torch.cat([cloud, 0.9 * cloud], axis)]
-    outputs = []
-    for one in clouds:
-        args, kwargs = list(arguments), dict(keywords)
-        if isinstance(points, str):
-            kwargs[points] = one
-        else:
-            args.insert(points, one)
-        outputs.append(_output(network, layer, at, args, kwargs, tuple(one.shape)))
-    shapes = [tuple(output.shape) for output in outputs]
-    counts = [one.shape[axis] for one in clouds]
-    if layout is not None:
-        width = shapes[0][2 if layout == "bnc" else 1] if len(shapes[0]) > 2 else 0
-    else:
-        layout, width = _find(at, counts, shapes)
-    injection_point = InjectionPoint(at, layout, width, points, points_layout, cloud.shape[3 - axis])
-    for one, output in zip(clouds, outputs, strict=True):
-        check_output(injection_point, output, one if axis == 1 else one.transpose(1, 2))
-    return injection_point
+    failures: dict[str, Shape] = {}
+    for cloud, layout in _clouds(probe, points_layout, tensor_like(network)):
+        axis = 3 - channel_axis(layout)
+        if cloud.shape[3 - axis] < 3:
+            raise UserError(f"the probe is {tuple(cloud.shape)}, which is no '{layout}' of at least 3 channels")
+        try:
+            return _probed(network, question, cloud, layout)
+        except NotRunError as error:
+            failures.setdefault(str(error), tuple(cloud.shape))
+    find_layer(network, question.at)
+    shown = "; nor ".join(f"on points of {shape}: {error}" for error, shape in failures.items())
+    raise UserError(
+        f"{type(network).__name__} cannot be run {shown}. Say with probe= which points it takes, and with arguments= "
+        f"and keywords= what else it needs"
+    )
 
 
-def find_layer(network: nn.Module, at: str) -> nn.Module:
-    """Find the submodule with a dotted name."""
+def find_layer(network: nn.Module, at: str, hints: str = "") -> nn.Module:
+    """Find the submodule with a dotted name.
+
+    Raises:
+        UserError: there is none; the message names similar ones, and ends with `hints`.
+    """
     names = [name for name, _ in network.named_modules(remove_duplicate=False) if name]
     if at in names:
         return network.get_submodule(at)
     last = at.rpartition(".")[2]
     similar = [name for name in names if last and name.rpartition(".")[2] == last]
     similar = list(dict.fromkeys([*similar, *get_close_matches(at, names, n=5)]))[:5]
-    if similar:
-        remedy = f"did you mean {' or '.join(repr(name) for name in similar)}?"
-    else:
-        remedy = f"it has {', '.join(names[:8]) or 'none'}{' …' if len(names) > 8 else ''}"
-    raise UserError(f"the network {type(network).__name__} has no layer '{at}': {remedy}")
+    remedy = f": did you mean {' or '.join(repr(name) for name in similar)}? {hints}"
+    if not similar:
+        remedy = f". {hints}" if hints else f": it has {', '.join(names[:8]) or 'none'}{' …' * (len(names) > 8)}"
+    raise UserError(f"the network {type(network).__name__} has no layer '{at}'{remedy.rstrip()}")
 
 
-def tensor_like(network: nn.Module) -> Tensor:
-    """A tensor with the data type and device of the network's weights."""
-    return next((weight for weight in network.parameters() if weight.is_floating_point()), torch.zeros(()))
+def _probed(
+    network: nn.Module, question: Question, cloud: Tensor, points_layout: PointsLayout
+) -> tuple[InjectionPoint, Calling]:
+    """Find the injection point, with points of a known layout.
+
+    Raises:
+        NotRunError: the network cannot be run on them.
+    """
+    axis = 3 - channel_axis(points_layout)
+    names = {name for name, _ in network.named_modules(remove_duplicate=False) if name}
+    at = question.at if question.at in names else None
+    cloud = cloud if len(cloud) > 1 or question.layout else cloud.repeat(2, 1, 1)
+
+    def run(points: Tensor) -> Observation:
+        # Cloned, since a network may change its points in place.
+        return observe(
+            network, at, *with_points(question.points, points.clone(), question.arguments, question.keywords)
+        )
+
+    clouds, passes = [cloud], [run(cloud)]
+    if question.layout is None:
+        # Not the same points twice, since some networks fail on distances of zero.
+        clouds.append(torch.cat([cloud, 0.9 * cloud], axis))
+        try:
+            passes.append(run(clouds[1]))
+        except NotRunError:  # it takes one number of points only
+            clouds.pop()
+    rows, counts = len(cloud), [one.shape[axis] for one in clouds]
+    if at is None:
+        find_layer(network, question.at, hint(rows, counts, passes))
+    calls = [one.outputs[question.at] for one in passes]
+    try:
+        for some in calls:
+            check_calls(question.at, some)
+        shapes = [some[0] for some in calls]
+        layout, width, multiple = find_features(question.at, rows, counts, shapes, question.layout)
+    except UserError as error:
+        raise UserError(f"{error}. {hint(rows, counts, passes)}") from error
+    point = InjectionPoint(question.at, layout, width, question.points, points_layout, cloud.shape[3 - axis], multiple)
+    if multiple > 1:
+        point = find_points(point, cloud, passes, lambda order: run(cloud.index_select(axis, order)))
+    check_output(point, passes[0].features, cloud if axis == 1 else cloud.transpose(1, 2))
+    rate = dense_rate(passes[0].result, rows, counts[0])
+    return point, Calling(counts[0], rate, tuple(question.arguments), dict(question.keywords))
+
+
+def _clouds(probe: Probe, layout: PointsLayout | None, like: Tensor) -> Iterator[tuple[Tensor, PointsLayout]]:
+    """Yield the points to try, with their layout: both layouts if a number of points is given."""
+    if isinstance(probe, int):
+        if probe < 1:
+            raise UserError(f"probe={probe}: give a number of points, or the points or their shape")
+        layouts: Sequence[PointsLayout] = ("bnc", "bcn") if layout is None else (layout,)
+        for one in layouts:
+            yield _random_cloud((2, probe, 3) if one == "bnc" else (2, 3, probe)).to(like), one
+        return
+    cloud = probe if isinstance(probe, Tensor) else _random_cloud(probe).to(like)
+    if cloud.dim() != 3 or min(cloud.shape) == 0:
+        raise UserError(f"the probe is {tuple(cloud.shape)}: points are (b n 3) or (b 3 n)")
+    yield cloud, layout or _points_layout(tuple(cloud.shape))
 
 
 def _random_cloud(shape: Sequence[int]) -> Tensor:
     return torch.rand(tuple(shape), generator=torch.Generator().manual_seed(0)) * 2 - 1
 
 
-def _points_layout(shape: Shape) -> PointsLayout:
+def _points_layout(shape: tuple[int, ...]) -> PointsLayout:
     threes = [axis for axis in (1, 2) if shape[axis] == 3]
     if len(threes) == 1:
         return "bnc" if threes[0] == 2 else "bcn"
@@ -95,69 +151,3 @@ def _points_layout(shape: Shape) -> PointsLayout:
         f"the probe {shape} does not show which axis holds the coordinates: give another number of points than 3, or "
         f"say points_layout='bnc' or 'bcn'"
     )
-
-
-def _output(
-    network: nn.Module, layer: nn.Module, at: str, args: Sequence[Any], kwargs: Mapping[str, Any], shape: Shape
-) -> Tensor:
-    """Output of a layer in one run of the network, whose state does not change."""
-    outputs: list[Any] = []
-    handle = layer.register_forward_hook(lambda _layer, _args, output: outputs.append(output))
-    try:
-        with quiet(network, tensor_like(network).device):
-            network(*args, **kwargs)
-    except Exception as error:  # foreign code may raise any error
-        raise UserError(
-            f"{type(network).__name__} cannot be run on points of {shape}: {type(error).__name__}: {one_line(error)}. "
-            f"Say with probe= which points it takes, with arguments= and keywords= what else it needs, and with "
-            f"layout= what the layer gives if it takes no other number of points"
-        ) from error
-    finally:
-        handle.remove()
-    if len(outputs) != 1:
-        raise UserError(
-            f"layer '{at}' is called {len(outputs)} times in one pass, and touch is fused at one call: graft at a "
-            f"layer that is called once (a compiled or scripted network calls none of its layers)"
-        )
-    if not isinstance(outputs[0], Tensor):
-        inner = [f"'{at}.{name}'" for name, _ in layer.named_children()]
-        remedy = f"a layer inside of it, such as {' or '.join(inner[:5])}" if inner else "another layer"
-        raise UserError(f"layer '{at}' gives a {type(outputs[0]).__name__}, not a tensor: graft at {remedy}")
-    return outputs[0]
-
-
-@contextmanager
-def quiet(network: nn.Module, device: torch.device) -> Iterator[None]:
-    """Disable gradients and set `eval` mode; random state and modes are restored afterwards."""
-    modes = [(module, module.training) for module in network.modules()]
-    devices = [device] if device.type == "cuda" else []
-    try:
-        with torch.no_grad(), torch.random.fork_rng(devices):
-            network.eval()
-            yield
-    finally:
-        for module, training in modes:
-            module.training = training
-
-
-def _find(at: str, counts: Sequence[int], shapes: Sequence[Shape]) -> tuple[Layout, int]:
-    """Find layout and width of a layer from its output for two numbers of points."""
-    (n, more), (first, second) = counts, shapes
-    shown = f"layer '{at}' gives {first} for {n} points and {second} for {more}"
-    axes = range(1, min(len(first), len(second)))
-    along = [axis for axis in axes if (first[axis], second[axis]) == (n, more)]
-    moved = [axis for axis in axes if first[axis] != second[axis]]
-    if len(along) > 1 or (along and moved != along):
-        raise UserError(f"{shown}: its width is ambiguous: state it with layout='bnc', 'bcn' or 'bcn1'")
-    if not along and len(moved) == 1:
-        raise UserError(f"{shown}: another number of points than the input, as after a sampling: graft ahead of it")
-    known: dict[tuple[int, int], tuple[Layout, int]] = {(3, 1): ("bnc", 2), (3, 2): ("bcn", 1), (4, 2): ("bcn1", 1)}
-    found = known.get((len(first), along[0])) if along else None
-    if found is None or (len(first) == 4 and first[3] != 1):
-        raise UserError(f"{shown}: not one feature for each point, as (b n c), (b c n) or (b c n 1): graft elsewhere")
-    return found[0], first[found[1]]
-
-
-def one_line(thing: object) -> str:
-    """The text of an object without line breaks."""
-    return " ".join(str(thing).split())

@@ -4,20 +4,34 @@ import torch
 
 from pcsr.contracts import Widths
 from pcsr.errors import UserError
+from pcsr.grafting.from_recipe import build_graft
+from pcsr.grafting.injection_point import InjectionPoint
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
+from pcsr.recipe.schema import GraftedModel
 
 
-def build(recipe: Recipe, registry: Registry) -> Network:
+def build(recipe: Recipe, registry: Registry, point: InjectionPoint | None = None) -> AnyNetwork:
     """Build the network of a recipe, with initial weights determined by the recipe's seed.
 
     The random state of torch is not changed.
 
+    Args:
+        recipe: recipe of the network.
+        registry: installed parts.
+        point: layer of a graft, if it is known; by default the network is run to find it.
+
     Raises:
-        UserError: the parts do not fit together, such as a touch encoder and a fusion without touch features.
+        UserError: the parts do not fit together, such as a touch encoder and a fusion without touch features, or a
+            foreign network cannot be built, run or grafted.
     """
     parts = recipe.model
+    if isinstance(parts, GraftedModel):
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(recipe.seed)
+            return build_graft(recipe, parts.graft, registry, point)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
         encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))

@@ -7,9 +7,11 @@ from typing import Any
 
 from pcsr.errors import UserError
 from pcsr.plugins import renamed
+from pcsr.plugins.networks import find_network
 from pcsr.plugins.registry import FILE, FIRST_PARTY, Registry
 from pcsr.recipe import MODEL, Recipe
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import NETWORK, NETWORK_KEYS, PARTS, owner_of
+from pcsr.recipe.schema import GraftedModel
 from pcsr.recipe.source import Keys
 from pcsr.version import __version__
 from pcsr.weights.fit import RETRAIN
@@ -39,11 +41,10 @@ def _used(recipe: Mapping[str, Any], keys: Collection[Keys] = PARTS.keys()) -> l
     Old names of renamed parts are replaced. The recipe need not be valid.
     """
     used = []
-    for section, key in (part for part in PARTS if part in keys):
-        inner = recipe.get(str(section))
-        part = inner.get(key) if isinstance(inner, dict) else None
+    for part_keys in (part for part in PARTS if part in keys):
+        part = (owner_of(recipe, part_keys) or {}).get(str(part_keys[-1]))
         if isinstance(part, dict) and isinstance(part.get("use"), str):
-            kind, name = PARTS[section, key], part["use"]
+            kind, name = PARTS[part_keys], part["use"]
             used.append((kind, str(renamed.PARTS.get((kind, name), name))))
     return list(dict.fromkeys(used))
 
@@ -67,9 +68,15 @@ def check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None
     """
     known = {(part["kind"], part["name"]): part for part in _parts(card)}
     missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
-    if missing:
-        needed = "; and ".join(_needed(*part, known.get(part), registry) for part in missing)
-        raise UserError(f"the weights {path} need {needed}")
+    needed = [_needed(*part, known.get(part), registry) for part in missing]
+    network = (owner_of(card["recipe"], NETWORK_KEYS) or {}).get("network")
+    if isinstance(network, str) and NETWORK.fullmatch(network):
+        try:
+            find_network(registry, network)
+        except UserError as error:
+            needed.append(str(error))
+    if needed:
+        raise UserError(f"the weights {path} need {'; and '.join(needed)}")
 
 
 def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:
@@ -129,13 +136,18 @@ def changed(recipe: Recipe, written: Any, registry: Registry, keys: Iterable[Key
     then = written.get("code") if isinstance(written, dict) else None
     then = then if isinstance(then, dict) else {}
     found = {}
-    for section, key in keys:
-        location = f"{section}.{key}"
-        spec = getattr(getattr(recipe, str(section)), str(key))
+    plain = recipe.resolved()
+    for part in keys:
+        location = ".".join(map(str, part))
+        spec = (owner_of(plain, part) or {}).get(str(part[-1]))
         if spec is not None and then.get(location) != recipe.code.get(location):
-            kind = PARTS[section, key]
-            entry = registry.entries.get((kind, spec.use))
-            found[location] = f"{kind} '{spec.use}'" + (f" ({entry.brought_by})" if entry else "")
+            kind = PARTS[part]
+            entry = registry.entries.get((kind, spec["use"]))
+            found[location] = f"{kind} '{spec['use']}'" + (f" ({entry.brought_by})" if entry else "")
+    if isinstance(recipe.model, GraftedModel):
+        location = ".".join(map(str, NETWORK_KEYS))
+        if then.get(location) != recipe.code.get(location):
+            found[location] = f"the network {recipe.model.graft.network}"
     return found
 
 

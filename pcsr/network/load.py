@@ -9,18 +9,21 @@ from typing import Any
 import torch
 
 from pcsr.errors import PcsrWarning, UserError
+from pcsr.grafting.description import point_of
+from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.network.build import build
 from pcsr.network.card import check_parts, mismatch_remedy, other_code
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.outline import bounded, outline
 from pcsr.network.save import tensors_hash
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe, check_card
-from pcsr.weights.file import read_card, read_file, read_shapes
+from pcsr.recipe.schema import GraftedModel
+from pcsr.weights.file import NONSENSE, read_card, read_file, read_shapes
 from pcsr.weights.fit import check_fit, fill
 
 
-def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[str, Any]]:
+def load_weights(path: Path, registry: Registry) -> tuple[AnyNetwork, Recipe, dict[str, Any]]:
     """Load a network from a weights file.
 
     Only the parts of the network must be installed. Those of the data and the training are not checked.
@@ -38,7 +41,10 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     card = read_card(path)
     recipe = card.get("recipe")
     if not isinstance(recipe, dict):
-        raise UserError(f"{path} holds no recipe, so its network is unknown: it is no weights file of pcsr")
+        remedy = "it is no weights file of pcsr"
+        if "graft" in card:
+            remedy = "load the graft onto its network with pcsr.grafting.load_graft"
+        raise UserError(f"{path} holds no recipe, so its network is unknown: {remedy}")
     check_parts(path, card, registry)
     remedy = mismatch_remedy(card, registry)
     checked = _checked(path, recipe, registry, remedy)
@@ -46,7 +52,7 @@ def load_weights(path: Path, registry: Registry) -> tuple[Network, Recipe, dict[
     if origin:
         warnings.warn(f"the weights {path} were {origin}: results may differ", PcsrWarning, stacklevel=2)
         remedy = f"They were {origin}: hand in the code that made them, or train again"
-    network = _build(path, checked, registry, remedy)
+    network = _build(path, checked, registry, remedy, _point(path, checked, card))
     tensors, _ = read_file(path)
     if "sha256" in card and card["sha256"] != tensors_hash(tensors):
         raise UserError(f"{path} has changed since it was written (its hash differs): get it again")
@@ -77,7 +83,28 @@ def _checked(path: Path, recipe: dict[str, Any], registry: Registry, remedy: str
         return check_card(recipe, registry, "recipe in the weights")
 
 
-def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str) -> Network:
+def _point(path: Path, recipe: Recipe, card: dict[str, Any]) -> InjectionPoint | None:
+    """Return the layer of a graft, which was found when it was made; None for a network of parts.
+
+    Raises:
+        UserError: the card does not describe it.
+    """
+    if not isinstance(recipe.model, GraftedModel):
+        return None
+    try:
+        point = point_of(card["graft"])
+    except NONSENSE as error:
+        raise UserError(f"{path} does not describe the layer of its graft: save it again, or train again") from error
+    graft = recipe.model.graft
+    if (point.at, point.points, point.channels) != (graft.at, graft.points, 3):
+        raise UserError(
+            f"{path} is a graft at '{point.at}' with {point.channels} channels of a point, which its recipe does not "
+            f"describe: load it with pcsr.grafting.load_graft"
+        )
+    return point
+
+
+def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str, point: InjectionPoint | None) -> AnyNetwork:
     """Build the network of a recipe after comparing its outline with the file, which needs no memory for weights.
 
     Raises:
@@ -85,8 +112,8 @@ def _build(path: Path, recipe: Recipe, registry: Registry, remedy: str) -> Netwo
     """
     shapes = read_shapes(path)
     with _building(path, remedy):
-        planned = outline(recipe, registry, len(shapes))
+        planned = outline(recipe, registry, len(shapes), point)
     if planned is not None:
         check_fit(planned, shapes, path, remedy)
     with _building(path, remedy), bounded(len(shapes)):
-        return build(recipe, registry)
+        return build(recipe, registry, point)

@@ -13,8 +13,9 @@ from torch.nn.modules.module import (
 )
 
 from pcsr.errors import UserError
+from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.network.build import build
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 
@@ -26,13 +27,14 @@ COMPUTED = 1 << 24
 """Largest number of elements in buffers that are computed when a network is built, and not stored (64 MB)."""
 
 
-def outline(recipe: Recipe, registry: Registry, weights: int) -> Network | None:
+def outline(recipe: Recipe, registry: Registry, weights: int, point: InjectionPoint | None = None) -> AnyNetwork | None:
     """Build the network of a recipe without memory for its weights, on torch's device `meta`.
 
     Args:
         recipe: recipe whose parts are checked.
         registry: installed parts.
         weights: expected number of weights. Building stops if there are many more layers.
+        point: layer of a graft.
 
     Returns:
         The network, or `None` if a part cannot be built on `meta`.
@@ -42,7 +44,7 @@ def outline(recipe: Recipe, registry: Registry, weights: int) -> Network | None:
     """
     try:
         with bounded(weights), torch.device("meta"):
-            network = build(recipe, registry)
+            network = build(recipe, registry, point)
     except (UserError, MemoryError):
         raise
     except Exception:  # a constructor needs values, which `meta` lacks; other errors recur when memory is used

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import os
 from collections.abc import Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, distribution
 from modulefinder import ModuleFinder
@@ -14,15 +15,18 @@ EXCLUDED = ("pcsr", "pcsr_plugins")
 """Packages that plugins import but that are not part of their code."""
 GROUP = "pcsr"
 """Entry-point group of plugins."""
+ABOVE = 3
+"""Number of folders above a file in which the modules that it imports are searched."""
 LARGEST = 1 << 24
 """Greatest size of a plugin file in bytes; a larger one is not read."""
 
 
-def file_code(file: Path) -> str | None:
+def file_code(file: Path, others: Iterable[Path] = ()) -> str | None:
     """Hash a plugin file and the modules of its folder that it imports.
 
     Args:
         file: Python file.
+        others: further files of its code.
 
     Returns:
         12 hexadecimal digits, or None if there is no such file.
@@ -31,7 +35,10 @@ def file_code(file: Path) -> str | None:
         return None
     file = file.resolve()
     # The name of the file itself does not count: a renamed file has the same code.
-    names = {path: "" if path == file else path.relative_to(file.parent).as_posix() for path in _local_modules(file)}
+    names = {
+        path: "" if path == file else Path(os.path.relpath(path, file.parent)).as_posix()
+        for path in {*_local_modules(file), *others}
+    }
     return _hash((name, path) for path, name in names.items())
 
 
@@ -77,6 +84,15 @@ def _hash(files: Iterable[tuple[str, Path]], head: str = "") -> str:
     for name, path in sorted(files):
         digest.update(f"\n{name} {hashlib.sha256(path.read_bytes()).hexdigest()}".encode())
     return digest.hexdigest()[:LENGTH]
+
+
+def folder_of(module: str, file: Path) -> Path | None:
+    """Return the folder from which a file imports a module: its own, or one above it; None if none has the module."""
+    first = module.partition(".")[0]
+    for folder in file.resolve().parents[: 1 + ABOVE]:
+        if (folder / f"{first}.py").is_file() or (folder / first).is_dir():
+            return folder
+    return None
 
 
 def _local_modules(file: Path) -> list[Path]:

@@ -3,24 +3,22 @@
 pluggy's own entry-point loader is not used, since it stops at the first plugin that raises.
 """
 
-import hashlib
-import importlib.util
 import os
-import sys
 import warnings
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pluggy
 
 from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
 from pcsr.plugins import hookspecs, renamed
-from pcsr.plugins.code import GROUP, LARGEST, python_files
+from pcsr.plugins.code import GROUP, python_files
+from pcsr.plugins.file_import import import_file
 from pcsr.plugins.guard import guarded_import
+from pcsr.plugins.networks import holds_networks
 from pcsr.plugins.registry import FILE, Failure, Register, Registry, described
 from pcsr.validation_messages import shown_path
 
@@ -49,8 +47,37 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
     for file in registry.files:
         if not os.path.isfile(file):  # unlike `Path.is_file`, it accepts names that no file can have
             raise UserError(f"--plugin {shown_path(file)}: there is no such file")
-        _register(registry, partial(_import_file, file), str(file), FILE)
+        _register(registry, partial(_imported, registry, file), str(file), FILE)
     return registry
+
+
+def add_file(registry: Registry, path: Path) -> None:
+    """Load a Python file with the class of a network into a registry, unless it is there already.
+
+    Raises:
+        UserError: there is no such file, it cannot be imported, or another file of its name was loaded.
+    """
+    for known in registry.modules:
+        if known.resolve() == path.resolve():
+            return
+        if known.name == path.name:
+            raise UserError(
+                f"{path} has the name of {known}, and weights know the file of their network by its name: rename one"
+            )
+    if not os.path.isfile(path):
+        raise UserError(f"there is no file {shown_path(path)}")
+    failed = len(registry.failures)
+    _register(registry, partial(_imported, registry, path), str(path), FILE, with_parts=False)
+    if len(registry.failures) > failed:
+        failure = registry.failures.pop()
+        raise UserError(f"{shown_path(path)} cannot be loaded: {failure.message}") from failure.error
+    registry.files = (*registry.files, path)
+
+
+def _imported(registry: Registry, file: Path) -> object:
+    module, registry.imports[file] = import_file(file)
+    registry.modules[file] = module
+    return module
 
 
 def warn_of_failures(registry: Registry) -> None:
@@ -67,49 +94,51 @@ def warn_of_failures(registry: Registry) -> None:
             warnings.warn(message, PcsrWarning, stacklevel=3)
 
 
+def check_loaded(registry: Registry) -> None:
+    """Check that the plugin files were loaded.
+
+    Raises:
+        UserError: a file of `registry.files` failed to load.
+    """
+    named = {str(file) for file in registry.files}
+    for failure in registry.failures:
+        if failure.owner in named:
+            raise UserError(f"plugin {failure.owner} cannot be loaded: {failure.message}") from failure.error
+
+
 def _name(distribution: Any) -> str:
     # Untyped: after an import of the backport importlib_metadata it is an instance of that one's class.
     return str(distribution.metadata["Name"])
 
 
-def _register(registry: Registry, load: Callable[[], object], owner: str, version: str) -> None:
-    """Load one plugin and add all its parts to the registry, or none of them and its failure."""
-    before = dict(registry.entries)
+def _register(
+    registry: Registry, load: Callable[[], object], owner: str, version: str, *, with_parts: bool = True
+) -> None:
+    """Load one plugin and add all its parts to the registry, or none of them and its failure.
+
+    Without parts it fails if it is to be `with_parts`, unless it is a file with networks.
+    """
+    before, modules = dict(registry.entries), dict(registry.modules)
     try:
         with guarded_import(f"plugin {owner}"):
             manager = pluggy.PluginManager("pcsr")
             manager.add_hookspecs(hookspecs)
-            manager.register(load())
+            module = load()
+            manager.register(module)
             manager.check_pending()  # raises for a misspelt hook name
             if not manager.hook.pcsr_register.get_hookimpls():
+                if not with_parts or (version == FILE and holds_networks(module)):
+                    return
                 raise UserError("it has no function pcsr_register marked @pcsr.hookimpl, so it registers nothing")
             manager.hook.pcsr_register(register=Register(registry, owner, version))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a plugin must not end the process
-        registry.entries = before
+        registry.entries, registry.modules = before, modules
         old = renamed.old_names(python_files(owner, in_file=version == FILE))
         if old:
             error = UserError(f"{old} ({described(error)})").with_traceback(error.__traceback__)
         registry.failures.append(Failure(owner, version, error))
-
-
-def _import_file(file: Path) -> ModuleType:
-    if file.stat().st_size > LARGEST:
-        raise UserError(f"{file} is larger than {LARGEST} bytes, the greatest size of a plugin file: split it")
-    # With a hash of the path, two files of the same name get different names.
-    name = f"pcsr_plugin_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
-        raise UserError(f"{file} is not a Python file: its name must end in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
 
 
 def why(registry: Registry, name: str) -> str:

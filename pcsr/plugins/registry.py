@@ -127,6 +127,10 @@ class Registry:
     """Plugins that failed to load."""
     files: tuple[Path, ...] = ()
     """Plugin files that were loaded, and that worker processes must load too."""
+    modules: dict[Path, object] = field(default_factory=dict)
+    """Modules of the plugin files that were loaded."""
+    imports: dict[Path, list[Path]] = field(default_factory=dict)
+    """Files that each plugin file imports from the folders above it."""
     files_win: bool = False
     """Whether a part of a file replaces an installed part of the same name. Otherwise that is an error."""
 

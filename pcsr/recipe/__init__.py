@@ -43,7 +43,7 @@ def load(
 
     Args:
         path: recipe file, or the name of a recipe that comes with pcsr.
-        registry: parts that the recipe may name.
+        registry: parts that the recipe may name. It gets the file of the network that a graft names, which is imported.
         overrides: changes of the form `dotted.key=value`, with the value in YAML.
         axes: dotted keys with the values to vary, as in a matrix.
 

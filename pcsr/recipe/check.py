@@ -9,15 +9,32 @@ from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.graft import NETWORK_PART, graft_mistakes, network_code, network_mistakes
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import KEYS, modernize
-from pcsr.recipe.part_keys import MODEL, NAMES, PARTS
-from pcsr.recipe.schema import DEFAULTS, MOST_RAYS, MOST_TRUTH, Evaluate, Patches, Recipe, options_model
+from pcsr.recipe.part_keys import MODEL, NAMES, NETWORK_KEYS, PARTS, is_graft, owner_of
+from pcsr.recipe.schema import (
+    DEFAULTS,
+    GRAFT_DEFAULTS,
+    GRAFT_TAG,
+    MOST_RAYS,
+    MOST_TRUTH,
+    PARTS_TAG,
+    Evaluate,
+    GraftedModel,
+    Model,
+    Patches,
+    Recipe,
+    options_model,
+)
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
 from pcsr.validation_messages import explained, shown
 
 Locate = Callable[[Keys, bool], Location]
 """Function from the keys of a value to its location in the file or, if the flag is true, to that of its last key."""
+
+TAGS = (PARTS_TAG, GRAFT_TAG)
+"""Items of the locations of pydantic's errors that are no keys."""
 
 
 def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.keys()) -> Recipe:
@@ -37,14 +54,15 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     data = source.data
     mistakes: list[Mistake] = []
     for keys, kind in PARTS.items():
-        section = data.get(str(keys[0]))
-        optional = keys == ("model", "touch_encoder")
-        if isinstance(section, dict) and keys[1] in section and not (optional and section[keys[1]] is None):
-            written = section[keys[1]]
+        section, key = owner_of(data, keys), str(keys[-1])
+        if section is not None and key in section and not (key == "touch_encoder" and section[key] is None):
+            written = section[key]
             if keys in parts or not _is_part(written):
-                section[keys[1]] = _part(source, registry, keys, kind, written, mistakes)
+                section[key] = _part(source, registry, keys, kind, written, mistakes)
             else:
-                section[keys[1]] = {"use": written["use"], "options": _options(written)}
+                section[key] = {"use": written["use"], "options": _options(written)}
+    if is_graft(data) and NETWORK_PART in parts:
+        mistakes += network_mistakes(source, registry)
     data["code"] = _code(data, registry, parts)
     if set(parts) == PARTS.keys():
         mistakes += _unknown_names(source, registry)
@@ -89,6 +107,8 @@ def check_card(written: dict[str, Any], registry: Registry, origin: str) -> Reci
 def _with_defaults(source: Source) -> Source:
     defaults = {section: parts for section, parts in DEFAULTS.items() if section not in source.data}
     defaults |= {section: DEFAULTS[section] for section in ("data", "train")}
+    if is_graft(source.data) and isinstance(source.data["model"]["graft"], dict):
+        defaults["model"] = {"graft": GRAFT_DEFAULTS}
     return merge(Source(defaults, {(): source.values[()]}), source)
 
 
@@ -131,13 +151,17 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
     code: dict[str, str] = {}
     for keys, kind in PARTS.items():
         location = ".".join(map(str, keys))
-        section = data.get(str(keys[0]))
-        spec = section.get(keys[1]) if isinstance(section, dict) else None
+        spec = (owner_of(data, keys) or {}).get(str(keys[-1]))
         if keys in parts:
             entry = registry.entries.get((kind, spec["use"])) if isinstance(spec, dict) else None
             known = entry.code if entry is not None else None
         else:
             known = written.get(location) if isinstance(written, dict) else None
+        if isinstance(known, str):
+            code[location] = known
+    if is_graft(data):
+        location = ".".join(map(str, NETWORK_KEYS))
+        known = network_code(data, registry) if NETWORK_PART in parts else (written or {}).get(location)
         if isinstance(known, str):
             code[location] = known
     return code
@@ -158,7 +182,7 @@ def _mistakes(
     by_keys: dict[Keys, list[Any]] = {}
     for one in error.errors():
         missing = one["type"] in ("missing", "extra_forbidden")
-        keys = one["loc"] if missing else _existing(one["loc"], data)
+        keys = tuple(key for key in one["loc"] if key not in TAGS) if missing else _existing(one["loc"], data)
         by_keys.setdefault(keys, []).append(one)
     # An error within a value says more than one of the whole value, which is of another branch of the union.
     outer = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
@@ -175,6 +199,8 @@ def _mistake(keys: Keys, errors: list[Any], model: type[BaseModel], head: tuple[
         if not head and keys in KEYS:
             new = f"{keys[0]}.{KEYS[keys]}"
             return Mistake(locate(keys, True), f"{path} is the old name of {new}, which is given too: remove it")
+        if not head and keys[:-1] == ("model",) and keys[-1] in Model.model_fields:
+            return Mistake(locate(keys, True), f"a model has either graft or {keys[-1]}: remove one of the two")
         remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
         return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
     if kind == "missing":
@@ -203,15 +229,14 @@ def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:
 
 
 def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
+    models: list[type[BaseModel]] = [model]
     for key in keys:
-        annotation = model.model_fields[str(key)].annotation
-        kinds = get_args(annotation) or (annotation,)  # of `Section | None`, the section
-        sections = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
-        if not sections:
-            return []
-        model = sections[0]
-    extra = ["extends", "matrix", "recipes"] if model is Recipe else []
-    return [*model.model_fields, *extra]
+        annotations = [one.model_fields[str(key)].annotation for one in models if str(key) in one.model_fields]
+        # Of `Section | None`, the section; of a model, both of its kinds.
+        kinds = [getattr(kind, "__origin__", kind) for one in annotations for kind in get_args(one) or (one,)]
+        models = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    extra = ["extends", "matrix", "recipes"] if models == [Recipe] else []
+    return [*(field for one in models for field in one.model_fields), *extra]
 
 
 def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[Mistake]:
@@ -230,6 +255,8 @@ def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[
     found += _too_large(source, recipe)
     if recipe.patches:
         found += _patch_mistakes(source, recipe, recipe.patches)
+    if isinstance(recipe.model, GraftedModel):
+        return found + graft_mistakes(source, recipe, recipe.model.graft)
     fusion = recipe.model.fusion.use
     if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
         text = f"fusion '{fusion}' uses no touch features, so a touch_encoder has no effect: remove it"

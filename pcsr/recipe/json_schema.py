@@ -18,16 +18,20 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     del definitions["PartSpec"]
     for section in (schema, *definitions.values()):
         section["required"] = []
-    for (section_name, key), kind in PARTS.items():
+    for keys, kind in PARTS.items():
+        section_name, key = str(keys[-2]), str(keys[-1])
         definition = f"{kind}-part"
         if definition not in definitions:
             definitions[definition] = {"anyOf": _choices(registry, kind, definitions)}
         reference: dict[str, Any] = {"$ref": f"#/$defs/{definition}"}
-        optional = (section_name, key) == ("model", "touch_encoder")
-        properties = definitions[str(section_name).capitalize()]["properties"]
+        optional = key == "touch_encoder"
+        properties = definitions[section_name.capitalize()]["properties"]
         properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
     for (section_name, key), kind in NAMES.items():
         definitions[section_name.capitalize()]["properties"][key]["items"] = {"enum": registry.names(kind)}
+    model = schema["properties"]["model"]
+    model["anyOf"] = model.pop("oneOf")  # a section that names no part yet may become either
+    schema["$defs"]["Graft"]["properties"]["network"] = {"type": "string", "description": "FILE:CLASS"}
     del schema["properties"]["code"]  # never written by hand
     schema["properties"] |= {
         "weights": {

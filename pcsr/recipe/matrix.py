@@ -8,6 +8,7 @@ from typing import Any
 
 from pcsr.recipe.merge import assign, assign_dotted
 from pcsr.recipe.old_names import modern_key
+from pcsr.recipe.part_keys import is_graft
 from pcsr.recipe.schema import NAME
 from pcsr.recipe.source import Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
@@ -23,10 +24,12 @@ def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
 
     Args:
         source: recipe to change.
-        axis: dotted key.
+        axis: dotted key. Of a graft, `model.fusion` means its own fusion.
         values: values of the key.
     """
     axis = modern_key(axis)
+    if is_graft(source.data) and axis in ("model.fusion", "model.touch_encoder"):
+        axis = axis.replace("model.", "model.graft.")
     data = source.data.get("data", {})
     if axis == "seed" and isinstance(data, dict) and data.get("seed") is None:
         assign(source, ("data", "seed"), source.data.get("seed", 0), Location("--seeds"))

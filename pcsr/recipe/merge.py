@@ -4,7 +4,7 @@ import copy
 from typing import Any
 
 from pcsr.recipe.old_names import modernize
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import PARTS, owner_of
 from pcsr.recipe.schema import DEFAULTS
 from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
@@ -13,9 +13,9 @@ from pcsr.validation_messages import shown
 def normalize(source: Source, origin: str | None = None) -> Source:
     """Bring a recipe, in place, into the form that `merge` needs: `{use: name}` for each part, no names of 0.1."""
     for keys in PARTS:
-        section = source.data.get(str(keys[0]))
-        if isinstance(section, dict) and isinstance(section.get(keys[1]), str):
-            section[keys[1]] = {"use": section[keys[1]]}
+        section, key = owner_of(source.data, keys), str(keys[-1])
+        if section is not None and isinstance(section.get(key), str):
+            section[key] = {"use": section[key]}
             source.values[(*keys, "use")] = source.location(keys)
     modernize(source, origin)
     return source
@@ -53,11 +53,18 @@ def _update(base: dict[str, Any], override: dict[str, Any], keys: Keys) -> tuple
     for key, value in override.items():
         inner = (*keys, key)
         old = base.get(key)
-        if inner[:2] in PARTS and len(inner) > 2 and {type(old), type(value)} == {str, dict}:
+        if any(inner[:depth] in PARTS for depth in (2, 3) if depth < len(inner)) and {type(old), type(value)} == {
+            str,
+            dict,
+        }:
             old, value = _mapping(old), _mapping(value)
             base[key] = old
         if isinstance(old, dict) and isinstance(value, dict) and not _other_part(inner, old, value):
             updated.add(inner)
+            if inner == ("model", "graft") and value.get("network", old.get("network")) != old.get("network"):
+                for of_network in ("options", "weights"):  # the old network's
+                    old.pop(of_network, None)
+                    replaced.add((*inner, of_network))
             inner_updated, inner_replaced = _update(old, value, inner)
             updated |= inner_updated
             replaced |= inner_replaced
@@ -78,7 +85,9 @@ def _inside(keys: Keys, replaced: set[Keys]) -> bool:
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Return whether two mappings name different parts, or different choices among the options of a part."""
+    """Return whether two mappings name different parts, choices in a part, or kinds of model."""
+    if keys == ("model",):
+        return "graft" in new if "graft" not in old else "encoder" in new and "graft" not in new
     return keys in PARTS and "use" in new and new["use"] != old.get("use")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from pcsr.errors import PcsrWarning
 from pcsr.plugins import renamed
-from pcsr.recipe.part_keys import PARTS
+from pcsr.recipe.part_keys import PARTS, owner_of
 from pcsr.recipe.source import Keys, Location, Source
 from pcsr.validation_messages import shortened
 
@@ -90,9 +90,9 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
         if isinstance(section, dict) and new in section:
             section[str(keys[1])] = section.pop(new)
     for keys, kind in PARTS.items():
-        section = old.get(str(keys[0]))
-        if isinstance(section, dict) and isinstance(section.get(keys[1]), dict):
-            section[str(keys[1])] = part_as_in_0_1(kind, section[str(keys[1])])
+        section = owner_of(old, keys)
+        if section is not None and isinstance(section.get(str(keys[-1])), dict):
+            section[str(keys[-1])] = part_as_in_0_1(kind, section[str(keys[-1])])
     train = old.get("train")
     if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
         del train["start"]
@@ -135,7 +135,7 @@ def _owner(part: dict[str, Any], keys: Keys) -> dict[Any, Any]:
 
 def modern_part(kind: str, part: dict[str, Any]) -> dict[str, Any]:
     """Return a copy of a part's mapping `{use: name, …}` with today's names."""
-    section, key = next(keys for keys, of in PARTS.items() if of == kind)
+    section, key = next(keys for keys, of in PARTS.items() if of == kind and len(keys) == 2)
     source = Source({str(section): {key: copy.deepcopy(part)}}, {(): Location(f"the {kind}")})
     _modernize_part(source, (section, key), kind, {})
     modern: dict[str, Any] = source.data[str(section)][key]
@@ -143,12 +143,10 @@ def modern_part(kind: str, part: dict[str, Any]) -> dict[str, Any]:
 
 
 def _modernize_part(source: Source, keys: Keys, kind: str, base: dict[str, Any]) -> list[str]:
-    section = source.data.get(str(keys[0]))
-    part = section.get(keys[1]) if isinstance(section, dict) else None
+    part = (owner_of(source.data, keys) or {}).get(str(keys[-1]))
     if not isinstance(part, dict):
         return []
-    below = base.get(str(keys[0]))
-    below = below.get(keys[1]) if isinstance(below, dict) else None
+    below = (owner_of(base, keys) or {}).get(str(keys[-1]))
     use = part.get("use", below.get("use") if isinstance(below, dict) else None)
     if not isinstance(use, str):
         return []

@@ -11,9 +11,10 @@ from pcsr.errors import UserError
 from pcsr.files import identity, sha256
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.check import check, check_card
+from pcsr.recipe.graft import load_network
 from pcsr.recipe.merge import merge
 from pcsr.recipe.part_keys import PARTS
-from pcsr.recipe.schema import Recipe
+from pcsr.recipe.schema import Model, Recipe
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
 from pcsr.weights import SHA256_IN_0_1, names
 from pcsr.weights.file import read_card
@@ -78,6 +79,7 @@ def check_with_weights(source: Source, registry: Registry) -> Recipe:
         RecipeError: the recipe has mistakes, or its network differs from that of the weights.
     """
     source = source.copy()
+    load_network(source, registry)
     written = source.data.get("weights")
     if written is None:
         _name_start(source, registry)
@@ -175,7 +177,8 @@ def misfit(recipe: Recipe, trained: Recipe, registry: Registry) -> tuple[Keys, s
         )
         return keys, text
     rate, trained_rate = recipe.data.rate, trained.network_rate
-    any_rate = Trait.ANY_RATE in registry.get("upsampler", recipe.model.upsampler.use).traits
+    model = recipe.model
+    any_rate = isinstance(model, Model) and Trait.ANY_RATE in registry.get("upsampler", model.upsampler.use).traits
     if recipe.patches is None and rate != trained_rate and not any_rate:  # patches are repeated
         text = f"data.rate is {rate}, and the weights have rate {trained_rate}"
         return ("data", "rate"), f"{text}: take `rate: {trained_rate}`, or name other weights"

@@ -7,16 +7,21 @@ import re
 import typing
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, create_model
 
 from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
 from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import as_in_0_1
+from pcsr.recipe.part_keys import NETWORK
 from pcsr.weights import SHA256_IN_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
+Layout = Literal["bnc", "bcn", "bcn1"]
+"""Layout of a layer's output: batch, points and channels, in this order; the last has an axis of length 1."""
+PointsLayout = Literal["bnc", "bcn"]
+"""Layout of a batch of points."""
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 """Validator that turns the lists of YAML into tuples, which cannot change."""
 
@@ -106,12 +111,6 @@ class Model(Section):
     upsampler: PartSpec
 
 
-Count = Annotated[int, Field(ge=0, le=16)]
-FEW = Field(max_length=16)
-"""Limit of the lists of names."""
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven"]
-
-
 class Weights(Section):
     """Finished weights."""
 
@@ -119,6 +118,66 @@ class Weights(Section):
     """Name of shipped weights, or path of a file."""
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
     """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
+
+
+class Graft(Section):
+    """Touch on a foreign network: its class, its layer and the tactile parts."""
+
+    network: Annotated[str, Field(pattern=f"^{NETWORK.pattern}$")]
+    """File and class of the network, or an annotated function that returns it: `network.py:Net`. In a recipe the file
+    is a path, relative to the recipe's folder; in a resolved recipe its name alone."""
+    options: dict[str, Any] = Field(default_factory=dict)
+    """Keyword arguments of the class or function."""
+    weights: Weights | None = None
+    """Weights of the network that training starts from: a safetensors file with its `state_dict`. None: those that it
+    is built with."""
+    frozen: bool | None = None
+    """Whether the network itself is not trained, but the tactile parts alone. None: if `weights` are given."""
+    at: Annotated[str, Field(min_length=1, max_length=1000)]
+    """Layer that the touches are fused at: a dotted name of the network's modules."""
+    fusion: PartSpec
+    touch_encoder: PartSpec | None
+    layout: Layout | None = None
+    """Layout of the layer's output. None: test runs show it."""
+    points: Annotated[int, Field(ge=0)] | str = 0
+    """The network's argument for the points: a position or a name."""
+    points_layout: PointsLayout | None = None
+    """Layout of the points. None: that which the network can be run on."""
+    arguments: Annotated[tuple[Any, ...], AS_TUPLE, Field(max_length=64)] = ()
+    """Other arguments of the network, by position."""
+    keywords: dict[str, Any] = Field(default_factory=dict)
+    """Other arguments of the network, by name."""
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether the tactile parts alone are trained."""
+        return self.weights is not None if self.frozen is None else self.frozen
+
+
+class GraftedModel(Section):
+    """A foreign network with touch at one of its layers, in place of the parts of a network."""
+
+    graft: Graft
+
+
+PARTS_TAG, GRAFT_TAG = "network of parts", "grafted network"
+"""Names of the two kinds of models, which pydantic adds to the keys of an error."""
+
+
+def _kind_of_model(written: Any) -> str:
+    is_graft = "graft" in written if isinstance(written, dict) else isinstance(written, GraftedModel)
+    return GRAFT_TAG if is_graft else PARTS_TAG
+
+
+AnyModel = Annotated[
+    Annotated[Model, Tag(PARTS_TAG)] | Annotated[GraftedModel, Tag(GRAFT_TAG)], Discriminator(_kind_of_model)
+]
+"""The model of a recipe: the parts of a network, or a graft."""
+
+Count = Annotated[int, Field(ge=0, le=16)]
+FEW = Field(max_length=16)
+"""Limit of the lists of names."""
+Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven"]
 
 
 class Train(Section):
@@ -183,7 +242,7 @@ class Recipe(Section):
     """Name of the run and its folder."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     data: Data
-    model: Model
+    model: AnyModel
     patches: Patches | None = None
     """Patch-wise upsampling. None: as `pcsr upsample`, or the whole cloud in one pass if the network is of one rate."""
     train: Train
@@ -240,6 +299,8 @@ class Recipe(Section):
         plain = as_in_0_1(self.resolved())
         data = {key: value for key, value in plain["data"].items() if key != "touches"}
         decisive: dict[str, Any] = {"seed": self.seed, "data": data, "model": plain["model"]}
+        if isinstance(self.model, GraftedModel) and self.model.graft.weights:
+            decisive["model"]["graft"]["weights"] = self.model.graft.weights.sha256
         if self.weights:
             decisive["weights"] = SHA256_IN_0_1.get(self.weights.sha256, self.weights.sha256)
         else:
@@ -276,6 +337,8 @@ DEFAULTS: dict[str, Any] = {
     "train": {"objective": {"use": "chamfer"}},
 }
 """Default parts. A recipe without a `model` has that of `tapsr`; a `model` must name all of its parts."""
+GRAFT_DEFAULTS: dict[str, Any] = {"fusion": {"use": "iterative"}, "touch_encoder": {"use": "unet", "channels": 32}}
+"""Default tactile parts of a graft."""
 
 
 def _flat(node: Any) -> Any:

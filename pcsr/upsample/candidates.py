@@ -14,6 +14,7 @@ from jaxtyping import Float
 from pcsr.contracts import TouchBatch, Trait
 from pcsr.errors import PcsrWarning
 from pcsr.geometry.interpolation import midpoint
+from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
@@ -92,7 +93,7 @@ class Midpoints(Candidates):
 class Networked(Candidates):
     """Candidates from a network in memory."""
 
-    network: Network
+    network: AnyNetwork
     size: int
     rate: int
     any_rate: bool
@@ -103,7 +104,7 @@ class Networked(Candidates):
     corrects_points: bool = False
 
     @classmethod
-    def of(cls, network: Network, recipe: Recipe) -> "Networked":
+    def of(cls, network: AnyNetwork, recipe: Recipe) -> "Networked":
         """Create the source from a network and the recipe that it was trained with."""
         any_rate = Trait.ANY_RATE in network.upsampler.traits
         return cls(
@@ -161,10 +162,11 @@ def _keep_freed_memory() -> None:
     del block
 
 
-def _is_local(network: Network) -> bool:
+def _is_local(network: AnyNetwork) -> bool:
     """Return whether the features of a point depend on the points around it alone."""
-    parts = (network.encoder, network.backbone, network.upsampler)
-    return network.touch_encoder is None and all(Trait.LOCAL in part.traits for part in parts)
+    if not isinstance(network, Network) or network.touch_encoder is not None:
+        return False
+    return all(Trait.LOCAL in part.traits for part in (network.encoder, network.backbone, network.upsampler))
 
 
 def _touch_points(source: PartSpec) -> int:

@@ -16,7 +16,7 @@ from pcsr.contracts import TouchBatch
 from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from pcsr.geometry.patches import in_patch
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.recipe import Patches
 from pcsr.tensors import CloudArray
 from pcsr.upsample.checks import check_finite
@@ -27,7 +27,7 @@ AT_ONCE = 8
 
 @torch.inference_mode()
 def upsample_patches(
-    network: Network, points: CloudArray, rate: int, touches: Sequence[CloudArray], patches: Patches
+    network: AnyNetwork, points: CloudArray, rate: int, touches: Sequence[CloudArray], patches: Patches
 ) -> Float[np.ndarray, "rn 3"]:
     """Upsample one cloud by patches.
 
@@ -54,7 +54,7 @@ def upsample_patches(
     return sphere.denormalize(cloud)
 
 
-def _pass(network: Network, cloud: CloudArray, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
+def _pass(network: AnyNetwork, cloud: CloudArray, touched: Float[np.ndarray, "a m 3"], patches: Patches) -> CloudArray:
     """Upsample every patch once, and merge the results."""
     device = next(network.parameters()).device
     goal = patches.rate * len(cloud)

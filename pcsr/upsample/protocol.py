@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from pcsr.contracts import Trait
 from pcsr.errors import PcsrWarning
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.recipe import Recipe
 from pcsr.threads import thread_count
 from pcsr.upsample.candidates import Networked
@@ -24,7 +24,7 @@ WHOLE = "whole cloud in one pass, as TAPSR"
 
 def upsample_as(
     recipe: Recipe,
-    network: Network,
+    network: AnyNetwork,
     points: Float[np.ndarray, "n 3"],
     touches: Sequence[Float[np.ndarray, "m 3"]] = (),
     *,
@@ -60,7 +60,7 @@ def upsample_as(
 
 def upsample_plainly(
     recipe: Recipe,
-    network: Network,
+    network: AnyNetwork,
     points: Float[np.ndarray, "n 3"],
     touches: Sequence[Float[np.ndarray, "m 3"]] = (),
 ) -> Float[np.ndarray, "rn 3"]:
@@ -74,14 +74,14 @@ def upsample_plainly(
     return upsample_patches(network, points, recipe.data.rate, touches, recipe.patches)
 
 
-def protocol(recipe: Recipe, network: Network) -> str:
+def protocol(recipe: Recipe, network: AnyNetwork) -> str:
     """Return the name of the way in which `upsample_as` makes a cloud dense."""
     if recipe.patches is not None:
         return f"by patches of {recipe.patches.points} points at {recipe.patches.rate}x, as PU-Net"
     return IN_USE if _in_use(recipe, network) else WHOLE
 
 
-def thread_limit(recipe: Recipe, network: Network) -> int:
+def thread_limit(recipe: Recipe, network: AnyNetwork) -> int:
     """Return the largest number of torch's threads that `upsample_as` uses."""
     if _in_use(recipe, network):
         return 1
@@ -93,6 +93,6 @@ def points_at_once(recipe: Recipe) -> int:
     return recipe.data.points if recipe.patches is None else AT_ONCE * recipe.patches.points
 
 
-def _in_use(recipe: Recipe, network: Network) -> bool:
+def _in_use(recipe: Recipe, network: AnyNetwork) -> bool:
     """Return whether the network can make clouds of any number of points dense, and its recipe has no protocol."""
     return recipe.patches is None and Trait.ANY_RATE in network.upsampler.traits

@@ -9,13 +9,13 @@ from jaxtyping import Float
 from pcsr.contracts import TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
-from pcsr.network.network import Network
+from pcsr.network.kinds import AnyNetwork
 from pcsr.upsample.checks import check_finite
 
 
 @torch.inference_mode()
 def upsample(
-    network: Network,
+    network: AnyNetwork,
     points: Float[np.ndarray, "n 3"],
     rate: int,
     touches: Sequence[Float[np.ndarray, "m 3"]] = (),

@@ -1,23 +1,68 @@
+"""Parts that are installed, and the page about grafts: its code runs from top to bottom, and so do its commands."""
+
 import contextlib
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pcsr
+from pcsr.cli import pcsr as command
+from pcsr.clouds.formats import read_points, write_points
 from pcsr.grafting import Grafted, graft
+from pcsr.plugins.loading import load_plugins
+from pcsr.recipe import load
+from pcsr.recipe.schema import Graft
+from pcsr.recorded import write
 from tests.grafting.networks import Meeting
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "graft.md"
+TEXT = (Path(__file__).parents[2] / "docs" / "graft.md").read_text(encoding="utf-8")
+NETWORK, EXAMPLE, _ = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+(RECIPE,) = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+COMMANDS = re.findall(r"^pcsr (.*)$", TEXT, re.MULTILINE)
 
 
 def test_installed_plugins_are_found_without_a_registry():
     assert graft(Meeting(None), "layer").specs["fusion"] == {"use": "iterative", "pool": "none"}
 
 
-def test_the_documented_example_runs(tmp_path, monkeypatch):
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """Run the Python of the page, in a folder with its files."""
     monkeypatch.chdir(tmp_path)
-    (example,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "their_network.py").write_text(NETWORK)
+    (tmp_path / "touched.yaml").write_text(RECIPE)
     names: dict[str, Any] = {}
     with contextlib.redirect_stdout(None):
-        exec(example, names)
-    assert isinstance(names["grafted"], Grafted)
-    assert (tmp_path / "grafted.safetensors").is_file()
+        exec(EXAMPLE, names)
+    return names
+
+
+@pytest.mark.slow
+def test_the_documented_examples_and_commands_run(page, tmp_path):
+    assert isinstance(page["grafted"], Grafted)
+    directions = np.random.default_rng(0).normal(size=(80, 3))
+    cloud = 50 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    write_points(Path("scan.ply"), cloud)
+    write(Path("touches"), [pcsr.Touch.single(cloud[:20], None, 1.0, "digit")])
+    assert [line.split()[0] for line in COMMANDS] == ["compare", "upsample"]
+    for line in COMMANDS:
+        done = CliRunner().invoke(command, shlex.split(line))
+        assert done.exit_code == 0, done.output
+    assert len(read_points(tmp_path / "dense.ply")) == 320
+    assert (tmp_path / "runs" / "compare.html").is_file()
+
+
+def test_the_recipe_is_good_and_its_keys_are_described(tmp_path):
+    (tmp_path / "their_network.py").write_text(NETWORK)
+    (tmp_path / "touched.yaml").write_text(RECIPE)
+    names = [recipe.name for recipe in load(tmp_path / "touched.yaml", load_plugins())]
+    assert names == ["touched-touches.0", "touched-touches.2"]
+    table = re.search(r"^\| key of `model\.graft`.*?\n\n", TEXT, re.MULTILINE | re.DOTALL)[0]
+    heads = re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
+    assert {name for head in heads for name in re.findall(r"`(\w+)`", head)} == set(Graft.model_fields)

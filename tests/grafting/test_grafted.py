@@ -104,8 +104,10 @@ def test_modes_and_types_go_to_every_part(case, world):
     assert not case.graft().fusion.training
     assert case.graft(case.make().train()).touch_encoder.training
     grafted = case.graft().train()
-    assert grafted.network.training
     assert grafted.fusion.training
+    assert not any(module.training for module in grafted.network.modules())
+    grafted.frozen = False
+    assert grafted.train().network.training
     assert not grafted.eval().touch_encoder.training
     dense = case.call(grafted.double(), points.double(), touches=touches.double())
     assert dense.dtype == torch.float64

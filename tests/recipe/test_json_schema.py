@@ -31,11 +31,12 @@ def test_a_part_that_cannot_be_loaded_is_not_offered(registry):
 
 def test_every_place_of_a_part_is_described(registry):
     schema = json_schema(registry)
-    for (section, key), kind in PARTS.items():
+    for (*_, section, key), kind in PARTS.items():
         assert schema["$defs"][section.capitalize()]["properties"][key] == {"$ref": f"#/$defs/{kind}-part"} or (
-            (section, key) == ("model", "touch_encoder")
+            key == "touch_encoder"
         )
-    assert {"type": "null"} in schema["$defs"]["Model"]["properties"]["touch_encoder"]["anyOf"]
+    for section in ("Model", "Graft"):
+        assert {"type": "null"} in schema["$defs"][section]["properties"]["touch_encoder"]["anyOf"]
 
 
 def test_sections_and_composition(registry):

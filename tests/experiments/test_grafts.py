@@ -1,0 +1,191 @@
+"""Training of grafts on foreign networks: what is trained, what stays, and what is refused before it begins."""
+
+import shutil
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from pcsr.errors import UserError
+from pcsr.experiments.run import check_graft
+from pcsr.experiments.train import initial
+from pcsr.grafting.description import described
+from pcsr.network.build import build
+from pcsr.network.load import load_weights
+from pcsr.network.save import save_weights
+from pcsr.plugins.loading import load_plugins
+from pcsr.recipe import load
+from tests.foreign_networks import FOLDER, network
+from tests.small_training import SMOKE, STEPS, history, same, stop_at, trained
+
+RECIPE = f"""\
+extends: {SMOKE.as_posix()}
+name: tiny
+data: {{touches: 1, points: 24, touch: {{points: 16}}}}
+model:
+  graft:
+    network: cascade.py:Cascade
+    options: {{channels: 8}}
+    at: second.features
+    touch_encoder: {{use: mlp, channels: 4}}
+train: {{epochs: 4, batch: 3, touches: [0, 2]}}
+"""
+KERNEL = ["model.graft.network=kernel_upsampler.py:network", "model.graft.at=encoder.fuse"]
+
+
+@pytest.fixture
+def read(tmp_path, monkeypatch):
+    """Read the recipe of a graft, and return it with its registry."""
+    for file in FOLDER.glob("*.py"):
+        shutil.copy(file, tmp_path)
+    (tmp_path / "tiny.yaml").write_text(RECIPE)
+    monkeypatch.chdir(tmp_path)
+
+    def made(*overrides):
+        registry = load_plugins()
+        (recipe,) = load(tmp_path / "tiny.yaml", registry, overrides)
+        return recipe, registry
+
+    return made
+
+
+@pytest.mark.parametrize("overrides", [[], KERNEL])
+def test_a_graft_is_trained_with_its_network(read, tmp_path, overrides):
+    recipe, registry = read(*overrides)
+    before = build(recipe, registry)
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    assert not after.training
+    assert len([line for line in history(tmp_path / "run") if "loss" in line]) == STEPS
+    moved = {name for name, tensor in after.state_dict().items() if not torch.equal(tensor, before.state_dict()[name])}
+    assert {"network", "fusion", "touch_encoder"} == {name.partition(".")[0] for name in moved}
+    assert any(name.endswith("running_mean") for name in moved)
+
+
+def test_a_frozen_network_stays_as_it_was_in_batches_without_touches_too(read, tmp_path):
+    theirs = network("cascade", seed=3).__class__(channels=8)
+    save_file(
+        {f"module.{name}": tensor for name, tensor in theirs.state_dict().items()}, tmp_path / "theirs.safetensors"
+    )
+    recipe, registry = read("model.graft.weights=theirs.safetensors")
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    assert all(torch.equal(after.network.state_dict()[name], tensor) for name, tensor in theirs.state_dict().items())
+    points = torch.rand(2, 24, 3) - 0.5
+    assert torch.equal(after(points, 4), theirs.eval()(points.transpose(1, 2).contiguous()))
+    before = initial(recipe, registry)
+    assert not same(before.fusion, after.fusion)
+    assert before.network.training is after.network.training is False
+
+
+def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(read, tmp_path):
+    recipe, registry = read()
+    whole = trained(recipe, tmp_path / "whole", registry=registry)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "parts", registry=registry, shown=stop_at(3), checkpoint_every=0.0)
+    resumed = trained(recipe, tmp_path / "parts", registry=registry)
+    assert all(
+        torch.equal(a, b) for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True)
+    )
+
+
+def test_intermediate_clouds_are_the_stages_of_the_network(read):
+    recipe, registry = read()
+    grafted = build(recipe, registry).train()
+    sizes = [cloud.shape[1] for cloud in grafted.stages(torch.rand(2, 24, 3), 4)]
+    assert sizes == [48, 96, 96]
+    assert [cloud.shape[1] for cloud in grafted.eval().stages(torch.rand(2, 24, 3), 4)] == [96]
+
+
+def test_weights_of_a_run_come_back_with_the_file_of_the_network_alone(read, tmp_path):
+    recipe, registry = read()
+    grafted = build(recipe, registry).eval()
+    path = tmp_path / "weights.safetensors"
+    save_weights(path, grafted, {"recipe": recipe.resolved(), "graft": described(grafted)}, registry)
+    loaded, _, _ = load_weights(path, load_plugins([tmp_path / "cascade.py"]))
+    assert same(grafted, loaded)
+    assert loaded.injection_point == grafted.injection_point
+    points = torch.rand(1, 24, 3)
+    assert torch.equal(loaded(points, 4), grafted(points, 4))
+    with pytest.raises(UserError, match=r"need the network 'Cascade' of the file cascade\.py: hand in that file"):
+        load_weights(path, load_plugins())
+    (tmp_path / "cascade.py").write_text(
+        (tmp_path / "cascade.py").read_text().replace("nn.Conv1d(3, c", "nn.Conv1d(3, 2 * c")
+    )
+    with (
+        pytest.warns(UserWarning, match="made by the network cascade"),
+        pytest.raises(
+            UserError, match=r"network\.first\.features\.point\.0\.bias is \(8,\) in the file, \(16,\) in the"
+        ),
+    ):
+        load_weights(path, load_plugins([tmp_path / "cascade.py"]))
+
+
+FAULTS = """\
+import torch
+from torch import nn
+
+class Raises(nn.Module):
+    def __init__(self):
+        raise ValueError("no\\nluck")
+
+class NeedsCuda(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(3, 8).cuda()
+
+class NoCloud(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.features = nn.Linear(3, 8)
+
+    def forward(self, points):
+        return self.features(points)
+
+def nothing() -> nn.Module:
+    return 7
+"""
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["model.graft.at=secnd.features"],
+            r"no layer 'secnd\.features': did you mean .*'second\.features'.*\? It can be",
+        ),
+        (["model.graft.at=copies"], r"no layer 'copies': did you mean 'first\.copies' or"),
+        (
+            ["model.graft.options={rate: 16}"],
+            r"Cascade makes 16 points of each, and the recipe asks for 4: set data\.rate",
+        ),
+        (["model.graft.network=faults.py:Raises"], r"faults\.py:Raises cannot be built with \{\}: ValueError: no luck"),
+        (["model.graft.network=faults.py:nothing"], r"faults\.py:nothing gives 7, not a torch\.nn\.Module"),
+        (["model.graft.network=faults.py:NoCloud", "model.graft.at=features"], r"NoCloud gives no cloud"),
+        (
+            ["model.graft.weights=other.safetensors"],
+            r"the weights in .*other\.safetensors do not fit this Cascade: .*\. Name",
+        ),
+        (
+            ["model.graft.weights=pickle.pth"],
+            r"pickle\.pth is no safetensors file, and pcsr unpickles nothing: convert it",
+        ),
+        pytest.param(
+            ["model.graft.network=faults.py:NeedsCuda"],
+            r"NeedsCuda cannot be built .* It needs a CUDA device, and there is none here",
+            marks=pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device"),
+        ),
+    ],
+)
+def test_what_cannot_be_grafted_is_one_line_before_the_data_are_built(read, tmp_path, overrides, message):
+    (tmp_path / "faults.py").write_text(FAULTS)
+    save_file(network("cascade").state_dict(), tmp_path / "other.safetensors")
+    torch.save({"a": torch.zeros(1)}, tmp_path / "pickle.pth")
+    recipe, registry = read(*overrides)
+    with pytest.raises(UserError, match=rf"^recipe 'tiny': .*{message}") as caught:
+        check_graft(recipe, registry)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_objective_that_needs_features_is_refused(read, tmp_path):
+    recipe, registry = read("train.objective=surface-passes")
+    with pytest.raises(UserError, match="the objective needs features of the network"):
+        trained(recipe, tmp_path / "run", registry=registry)
