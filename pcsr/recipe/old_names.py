@@ -98,6 +98,8 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
     train = old.get("train")
     if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
         del train["start"]
+    if isinstance(train, dict) and train.get("snapshots") == []:  # nor this one
+        del train["snapshots"]
     data = old.get("data")
     if isinstance(data, dict) and data.get("registration", "") is None:  # nor this one
         del data["registration"]

@@ -25,9 +25,9 @@ from pcsr.tensors import Features, Points
 from pcsr_plugins.layers.heads import zero_linear
 from pcsr_plugins.layers.options import Channels
 
-DECAYS = (1.0, 1000.0)
-"""Range of the initial λ, spaced evenly on a logarithmic scale, in 1 / radius² of the cloud: of two touched points at
-distances of 0 and 1/√λ, the nearer one weighs e times as much."""
+DECAYS = (1000.0, 1.0)
+"""Initial λ of the first and the last head, those between on a logarithmic scale, in 1 / radius² of the cloud: a
+touched point at a distance of 1/√λ weighs e times less than one at the visual point itself."""
 
 
 class CrossAttention(Fusion):
@@ -56,8 +56,8 @@ class CrossAttention(Fusion):
         self.query = nn.Linear(widths.visual, heads * channels)
         self.key = nn.Linear(widths.touch, heads * channels)
         self.value = nn.Linear(widths.touch, heads * channels)
-        low, high = map(math.log, DECAYS)
-        self.log_decay = nn.Parameter(torch.linspace(low, high, heads) if heads > 1 else torch.tensor([(low + high) / 2]))
+        first, last = map(math.log, DECAYS)
+        self.log_decay = nn.Parameter(torch.linspace(first, last, heads))
         self.out = nn.Sequential(
             nn.Linear(widths.visual + heads * (channels + 4), hidden), nn.ReLU(), zero_linear(hidden, widths.visual)
         )
@@ -75,11 +75,11 @@ class CrossAttention(Fusion):
         position = torch.cat([touched, squared], dim=-1).expand(-1, self.heads, -1, -1)  # (b h m 4)
         key, value = (torch.cat([self._heads(layer(message)), position], dim=-1) for layer in (self.key, self.value))
         sums = F.scaled_dot_product_attention(query, key, value, ~missing.mT.unsqueeze(1), scale=1.0)
-        values, mean, mean_squared = sums.split([self.channels, 3, 1], dim=-1)
+        values, mean, mean_squared = torch.split(sums, [self.channels, 3, 1], dim=-1)
         distance = mean_squared + (centre.square() - 2 * mean * centre).sum(-1, keepdim=True)
         attended = torch.cat([values, mean - centre, distance], dim=-1).transpose(1, 2).flatten(2)  # (b n h·(c + 4))
         added: Features = self.out(torch.cat([features, attended], dim=-1))
         return features + added
 
     def _heads(self, x: Float[Tensor, "b n hc"]) -> Float[Tensor, "b h n c"]:
-        return x.unflatten(-1, (self.heads, self.channels)).transpose(1, 2)
+        return x.view(*x.shape[:2], self.heads, self.channels).transpose(1, 2)

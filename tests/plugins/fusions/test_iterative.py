@@ -87,7 +87,11 @@ def test_it_is_a_good_part_with_the_nearest_points_and_their_offsets(check):
 
 
 def test_a_missing_touch_far_off_gives_no_gradient():
-    fusion, points, features = Iterative(WIDTHS, pairing="nearest", offsets=True), torch.randn(1, 9, 3), torch.randn(1, 9, 8)
+    fusion, points, features = (
+        Iterative(WIDTHS, pairing="nearest", offsets=True),
+        torch.randn(1, 9, 3),
+        torch.randn(1, 9, 8),
+    )
     touches = touched([[True, False]])
     far = torch.where(touches.mask[:, :, None, None], touches.points, torch.inf)
     fusion(points, features, TouchBatch(far, touches.features, touches.mask)).square().sum().backward()
