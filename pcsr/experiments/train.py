@@ -60,6 +60,7 @@ def train(
     fabric: "Fabric",
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
+    kept: Callable[[Network, int], object] = lambda network, step: None,
     checkpoint_every: float = 60.0,
     loaders: int = LOADERS,
     data_fingerprint: str | None = None,
@@ -74,6 +75,7 @@ def train(
         run: folder of the checkpoint and of `metrics.jsonl`.
         fabric: launched; determines device, number of processes and precision.
         shown: called after each step.
+        kept: called with the network and the step after each step of `train.snapshots`, in the first process.
         checkpoint_every: seconds between checkpoints.
         loaders: number of processes that make batches for a GPU.
         data_fingerprint: of the data; a checkpoint of other data is ignored. None: a checkpoint of any data is resumed.
@@ -84,7 +86,7 @@ def train(
     Raises:
         KeyboardInterrupt: the process was interrupted; a checkpoint of the last step is written first.
         RunError: the loss is not finite.
-        UserError: the processes cannot share a batch equally.
+        UserError: the processes cannot share a batch equally, or training ends before a step of `train.snapshots`.
     """
     batches = _batches(recipe, data, fabric.world_size)
     model = _model(recipe, registry)
@@ -98,6 +100,12 @@ def train(
         data_fingerprint=data_fingerprint,
         writes=fabric.is_global_zero,
     )
+    last = max(recipe.train.snapshots, default=0)
+    if last > recorder.steps:
+        raise UserError(
+            f"train.snapshots names step {last}, and training ends after {recorder.steps} steps ({recipe.train.epochs} "
+            f"epochs of {batches.per_epoch}): raise train.epochs, or leave the step out"
+        )
     share = batches.size // fabric.world_size * recipe.network_points
     count = recorder.resume(model, optimizer, thread_count(share, model.network.parameter_count))
     wrapped, optimizer = fabric.setup(model, optimizer)
@@ -111,6 +119,8 @@ def train(
             progress = recorder.add(losses, lr)
             if fabric.is_global_zero:
                 shown(progress)
+                if progress.step in recipe.train.snapshots:
+                    kept(model.network, progress.step)
             if _any_process(stop.is_set(), fabric):
                 recorder.save()
                 raise KeyboardInterrupt

@@ -25,7 +25,7 @@ from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
-from pcsr.run_files import HISTORY
+from pcsr.run_files import HISTORY, snapshot_file
 from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
@@ -97,6 +97,13 @@ def trained(
         epochs = f"{recipe.train.epochs} epochs"
         doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
         progress.console.print(f"{why}: {doing}")
+    card = _card(recipe, fingerprint, options)
+
+    def save(path: Path, network: Network) -> dict[str, Any]:
+        training = _training(training_folder, fabric)
+        save_weights(path, network, {**card, "training": training}, registry)
+        return training
+
     task = progress.add_task("training", total=None)
     network = train(
         recipe,
@@ -108,31 +115,37 @@ def trained(
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
+        kept=lambda network, step: save(training_folder / snapshot_file(step), network),
         loaders=max(1, options.jobs // fabric.world_size) if options.jobs else LOADERS,
         data_fingerprint=fingerprint,
     )
     if not fabric.is_global_zero:  # the first process writes the history, and may still be writing
         return network, {}
-    training = _training(training_folder, fabric)
+    training = save(folder / WEIGHTS, network)
+    if options.retrain:
+        for step in recipe.train.snapshots:
+            (training_folder / snapshot_file(step)).replace(folder / snapshot_file(step))
+        write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
+        (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
+        shutil.rmtree(training_folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    return network, {**training, "source": "trained by this run"}
+
+
+def _card(recipe: Recipe, fingerprint: str, options: RunOptions) -> dict[str, Any]:
+    """Return the card of weights without its field `training`."""
     card: dict[str, Any] = {
         "name": recipe.name,
         "fingerprint": recipe.fingerprint,
         "data_fingerprint": fingerprint,
         "recipe": recipe.resolved(),
         "version": pcsr.__version__,
-        "training": training,
     }
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
     if options.data:
         card["data"] = BuiltData.read(options.data).card()
-    save_weights(folder / WEIGHTS, network, card, registry)
-    if options.retrain:
-        write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
-        (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
-        shutil.rmtree(training_folder)
-    (folder / CHECKPOINT).unlink(missing_ok=True)
-    return network, {**training, "source": "trained by this run"}
+    return card
 
 
 def _kept(

@@ -41,6 +41,8 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
 }
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
 ADDED: dict[tuple[str, str], dict[Keys, Any]] = {
+    ("fusion", "iterative"): {("pairing",): "hilbert", ("offsets",): False},
+    ("fusion", "edge-conv"): {("keeps_touched_points",): True},
     ("touch", "digit"): {("noise", "shared_position_noise"): 0.0, ("noise", "shared_rotation_noise"): 0.0},
 }
 """Options that parts did not have in 0.1, with the value that changes nothing."""
@@ -96,6 +98,8 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
     train = old.get("train")
     if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
         del train["start"]
+    if isinstance(train, dict) and train.get("snapshots") == []:  # nor this one
+        del train["snapshots"]
     data = old.get("data")
     if isinstance(data, dict) and data.get("registration", "") is None:  # nor this one
         del data["registration"]

@@ -109,7 +109,7 @@ class Model(Section):
 Count = Annotated[int, Field(ge=0, le=16)]
 FEW = Field(max_length=16)
 """Limit of the lists of names."""
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven"]
+Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven", "other-touches"]
 
 
 class Weights(Section):
@@ -139,6 +139,8 @@ class Train(Section):
     """Number of touches in training, or the least and the greatest, between which it is drawn for each batch. None: the
     number at evaluation."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
+    snapshots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AS_TUPLE, FEW] = ()
+    """Steps after which the weights are kept, each as a weights file `weights-STEP.safetensors` of the run folder."""
     start: Weights | None = None
     """Weights that training starts from: tensors that the network has too, by name and shape. None: random weights."""
 

@@ -164,6 +164,26 @@ def finished(recipe, registry, tmp_path):
     return leave, ask
 
 
+@pytest.mark.parametrize("retrain", [False, True])
+def test_snapshots_are_weights_files_of_the_run_folder(recipe, registry, split, tmp_path, retrain):
+    recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"snapshots": (1, 4)})})
+    options = RunOptions(runs=tmp_path, retrain=retrain)
+    folder = run_folder(recipe, options)
+    folder.mkdir()
+    with Progress(disable=True) as progress:
+        last, _ = trained(recipe, registry, "data", lambda name, progress: split, fabric(), options, progress)
+    names = {"weights-1.safetensors", "weights-4.safetensors", "weights.safetensors", "metrics.jsonl", "recipe.json"}
+    assert {path.name for path in folder.iterdir()} == names
+    found = {}
+    for step in (1, 4):
+        network, of, card = load_weights(folder / f"weights-{step}.safetensors", registry)
+        assert (of.model, of.train) == (recipe.model, recipe.train)
+        assert (card["training"]["steps"], card["data_fingerprint"]) == (step, "data")
+        found[step] = weights(network)
+    assert not torch.equal(found[1], found[4])
+    assert not torch.equal(found[4], weights(last)), "six steps in all"
+
+
 def test_the_same_training_is_not_done_again_under_another_name(recipe, finished):
     leave, ask = finished
     network = leave(recipe)

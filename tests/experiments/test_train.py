@@ -83,6 +83,28 @@ def test_a_loss_that_is_not_finite_ends_it_and_the_checkpoint_before_stays(recip
     assert steps[0] == 3
 
 
+def test_after_the_steps_of_snapshots_the_network_is_handed_over(tmp_path):
+    recipe = tiny(tmp_path, "train.snapshots=[2, 3, 8]")
+    kept = {}
+
+    def keep(network, step):
+        kept[step] = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+    last = trained(recipe, tmp_path / "run", kept=keep)
+    assert list(kept) == [2, 3, 8]
+    assert all(torch.equal(tensor, last.state_dict()[name]) for name, tensor in kept[8].items())
+    assert not all(torch.equal(tensor, kept[3][name]) for name, tensor in kept[2].items())
+    assert same(last, trained(tiny(tmp_path), tmp_path / "without")), "keeping them changes nothing"
+
+
+def test_a_snapshot_after_the_end_is_refused(tmp_path):
+    with pytest.raises(
+        UserError,
+        match=r"train\.snapshots names step 9, and training ends after 8 steps \(4 epochs of 2\): raise train\.epochs",
+    ):
+        trained(tiny(tmp_path, "train.snapshots=[2, 9]"), tmp_path / "run")
+
+
 def test_a_batch_that_processes_cannot_share_is_refused(recipe, tmp_path):
     class Two(Fabric):
         world_size = 2

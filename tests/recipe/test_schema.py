@@ -59,6 +59,7 @@ def test_defaults_are_filled_in(write, registry):
             "augment": ["redraw", "even", "rotate", "scale", "jitter"],
             "touches": None,
             "precision": "32-true",
+            "snapshots": [],
             "start": None,
         },
         "weights": None,
@@ -104,7 +105,7 @@ def test_a_part_is_built_from_its_options(write, registry):
 WEIGHTS_CHANGE = ["seed=1", "data.points=256", "data.rate=8", "data.shapes.count=11", "data.sampling=fps"]
 WEIGHTS_CHANGE += ["model.encoder.channels=16", "model.fusion={use: attention, heads: 1}", "train.epochs=1"]
 WEIGHTS_CHANGE += ["train.touches=[0, 4]", "train.augment=[]", "train.touches=3", "data.touches=5"]
-WEIGHTS_CHANGE += ["patches={points: 64}"]
+WEIGHTS_CHANGE += ["patches={points: 64}", "train.snapshots=[100]"]
 WEIGHTS_STAY = [
     "patches=null",
     "name=b",
