@@ -7,46 +7,21 @@ import re
 import typing
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
-from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.old_names import as_in_0_1
+from pcsr.recipe.section import AS_TUPLE, FEW, PartSpec, Section
+from pcsr.recipe.train_section import Train, Weights
 from pcsr.weights import SHA256_IN_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
-AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-"""Validator that turns the lists of YAML into tuples, which cannot change."""
-
 MOST_TRUTH = 1 << 20
 """Largest number of points of an object's truth. It takes a minute and 2 GB for each object."""
 MOST_RAYS = 1 << 24
 """Largest number of rays of all depth cameras of an object. It takes a minute and 2 GB."""
-
-
-class Section(BaseModel):
-    """Section of a recipe. Unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class PartSpec(Section):
-    """Name of a part with its options. A checked recipe holds all options, with their defaults."""
-
-    use: str
-    options: dict[str, Any] = Field(default_factory=dict)
-
-    def build(self, registry: Registry, kind: str, *host: Any) -> Any:
-        """Build the part. `host` are the arguments that the host passes by position, such as `Widths`."""
-        part = registry.get(kind, self.use)
-        with guarded(f"the constructor of {kind} '{self.use}'"):
-            return part(*host, **self.options)
-
-    def needs(self, registry: Registry, kind: str) -> dict[str, str]:
-        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`."""
-        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
 
 
 class View(Section):
@@ -104,45 +79,6 @@ class Model(Section):
     fusion: PartSpec
     backbone: PartSpec
     upsampler: PartSpec
-
-
-Count = Annotated[int, Field(ge=0, le=16)]
-FEW = Field(max_length=16)
-"""Limit of the lists of names."""
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven", "other-touches"]
-
-
-class Weights(Section):
-    """Finished weights."""
-
-    use: Annotated[str, Field(min_length=1, max_length=4096)]
-    """Name of shipped weights, or path of a file."""
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
-
-
-class Train(Section):
-    """Training of the network."""
-
-    objective: PartSpec
-    epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 300
-    batch: Annotated[int, Field(ge=1, le=65_536)] = 32
-    optimizer: Literal["adam", "adamw"] = "adam"
-    learning_rate: Annotated[float, Field(gt=0)] = 1e-3
-    """Learning rate of the first epoch."""
-    decay: Annotated[float, Field(gt=0, le=1)] = 0.7
-    """Factor of the learning rate every `decay_every` epochs."""
-    decay_every: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """Number of epochs between two decays. None: a tenth of the epochs."""
-    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE, FEW] = ("redraw", "even", "rotate", "scale", "jitter")
-    touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
-    """Number of touches in training, or the least and the greatest, between which it is drawn for each batch. None: the
-    number at evaluation."""
-    precision: Literal["32-true", "bf16-mixed"] = "32-true"
-    snapshots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AS_TUPLE, FEW] = ()
-    """Steps after which the weights are kept, each as a weights file `weights-STEP.safetensors` of the run folder."""
-    start: Weights | None = None
-    """Weights that training starts from: tensors that the network has too, by name and shape. None: random weights."""
 
 
 class Evaluate(Section):

@@ -32,7 +32,7 @@ from pcsr import Register, hookimpl
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Register the parts of the paper and of other networks, the sources of data, metrics and baselines."""
+    """Register the parts of the paper and of other networks, the sources of data, metrics, baselines and the logger."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
     register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
@@ -90,3 +90,5 @@ def pcsr_register(register: Register) -> None:
 
     register.baseline("midpoint", "pcsr_plugins.baselines.midpoint:Midpoint")
     register.baseline("floor", "pcsr_plugins.baselines.floor:Floor")
+
+    register.logger("jsonl", "pcsr.experiments.history:JsonLines")
