@@ -31,7 +31,7 @@ class Logger(Part):
                 steps that were logged before the interruption are logged again.
         """
 
-    def log(self, step: int, values: Mapping[str, float]) -> None:
+    def log(self, step: int, values: Mapping[str, int | float]) -> None:
         """Record values after a step.
 
         Args:

@@ -33,7 +33,7 @@ class JsonLines(Logger):
                 break
         write_text(self.path, "".join(kept))
 
-    def log(self, step: int, values: Mapping[str, float]) -> None:
+    def log(self, step: int, values: Mapping[str, int | float]) -> None:
         """Append a line.
 
         Raises:
@@ -50,7 +50,7 @@ class JsonLines(Logger):
             raise RunError(f"{self.path} could not be written: {error.strerror}") from error
 
 
-def _line(step: int, values: Mapping[str, float]) -> dict[str, Any]:
+def _line(step: int, values: Mapping[str, int | float]) -> dict[str, Any]:
     """Return a line in the form that `pcsr.run_files.read_history` reads."""
     if errors := _group(values, VALIDATION):
         return {"epoch": values["epoch"], "step": step, "validation": errors}
@@ -67,6 +67,6 @@ def _line(step: int, values: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def _group(values: Mapping[str, float], prefix: str) -> dict[str, float]:
+def _group(values: Mapping[str, int | float], prefix: str) -> dict[str, int | float]:
     """Return the values whose names begin with a prefix, without it."""
     return {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}

@@ -55,7 +55,7 @@ class Loggers:
         finally:
             self._call_each(lambda entry: entry.logger.finish(completed), "at its end")
 
-    def log(self, step: int, values: Mapping[str, float]) -> None:
+    def log(self, step: int, values: Mapping[str, int | float]) -> None:
         """Log values after a step.
 
         Warns:

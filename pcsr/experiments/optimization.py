@@ -20,7 +20,8 @@ def optimizer_of(train: Train, network: nn.Module, objective: Objective) -> torc
     if own := list(objective.parameters()):
         groups.append({"params": own, "lr_multiplier": objective.lr_multiplier})
     kind = OPTIMIZERS[train.optimizer.use]
-    return kind(groups, lr=train.learning_rate, **train.optimizer.options)
+    optimizer: torch.optim.Optimizer = kind(groups, lr=train.learning_rate, **train.optimizer.options)
+    return optimizer
 
 
 def set_learning_rate(optimizer: torch.optim.Optimizer, rate: float) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from torch import nn
@@ -159,7 +159,8 @@ class Recorder:
     @property
     def network(self) -> Network:
         """Network with the averaged weights, or the trained one where none are averaged yet."""
-        return (self.average and self.average.network) or self.trained
+        averaged = self.average.network if self.average is not None else None
+        return self.trained if averaged is None else cast(Network, averaged)
 
     @property
     def stopped(self) -> bool:

@@ -194,7 +194,7 @@ def _step(
     if recipe.train.clip_norm is not None:
         # A norm that is not finite makes the next loss so, which ends the training with a message.
         clipped = fabric.clip_gradients(model, optimizer, max_norm=recipe.train.clip_norm, error_if_nonfinite=False)
-        norm = {"gradient_norm": float(clipped)}
+        norm = {"gradient_norm": float(clipped)}  # type: ignore[arg-type]  # None for other strategies
     optimizer.step()
     # The shares of the processes are equal, so that the mean of their means is the mean of the batch.
     means: dict[str, torch.Tensor] = {

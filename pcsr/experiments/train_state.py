@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -13,6 +13,7 @@ from pcsr.weights.file import read_file
 from pcsr.weights.fit import fill
 
 
+@runtime_checkable
 class Stateful(Protocol):
     """What has a state of tensors, such as an average of weights."""
 

@@ -1,8 +1,8 @@
 """Average of a network's weights over the steps of its training."""
 
+from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn, get_swa_multi_avg_fn
 
-from pcsr.network.network import Network
 from pcsr.recipe.train_section import Average
 
 DECAY = 0.999
@@ -17,7 +17,7 @@ class WeightAverage:
     Buffers are not averaged: they are those of the last step.
     """
 
-    def __init__(self, network: Network, settings: Average, epochs: int, per_epoch: int) -> None:
+    def __init__(self, network: nn.Module, settings: Average, epochs: int, per_epoch: int) -> None:
         """Create an average of no steps.
 
         Args:
@@ -32,13 +32,12 @@ class WeightAverage:
         average = get_swa_multi_avg_fn() if swa else get_ema_multi_avg_fn(settings.decay or DECAY)
         self.model = AveragedModel(network, multi_avg_fn=average)
 
-    def add(self, network: Network, step: int) -> None:
+    def add(self, network: nn.Module, step: int) -> None:
         """Add the weights after a step, unless the average begins later."""
         if step > self.after:
             self.model.update_parameters(network)
 
     @property
-    def network(self) -> Network | None:
+    def network(self) -> nn.Module | None:
         """Network with the averaged weights; None before the average begins."""
-        network: Network = self.model.module
-        return network if int(self.model.n_averaged) else None
+        return self.model.module if int(self.model.n_averaged) else None

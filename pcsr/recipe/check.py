@@ -3,7 +3,7 @@
 import copy
 import json
 from collections.abc import Callable, Collection
-from typing import Any, get_args
+from typing import Any, TypeGuard, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -111,9 +111,11 @@ def _check_training(
     """
     for keys, kind in PART_LISTS.items():
         parts = train.get(str(keys[1]))
-        for index, part in enumerate(parts if isinstance(parts, list) else ()):
-            spec = _part(source, registry, (*keys, index), kind, part, mistakes) if trains else _unchecked(part)
-            parts[index] = spec
+        if isinstance(parts, list):
+            train[str(keys[1])] = [
+                _part(source, registry, (*keys, index), kind, part, mistakes) if trains else _unchecked(part)
+                for index, part in enumerate(parts)
+            ]
     optimizer = train.get("optimizer")
     if trains and _is_part(optimizer):
         checked = _spec(source, ("train", "optimizer"), "optimizer", optimizer, mistakes, optimizer_options)
@@ -193,7 +195,7 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
     return code
 
 
-def _is_part(written: Any) -> bool:
+def _is_part(written: Any) -> TypeGuard[dict[str, Any]]:
     return isinstance(written, dict) and isinstance(written.get("use"), str)
 
 

@@ -23,7 +23,7 @@ def contradictions(source: Source, recipe: Recipe, registry: Registry, *, trains
         text = f"train.touches: the minimum, {low}, is more than the maximum, {high}: swap them"
         found.append(Mistake(source.location(("train", "touches")), text))
     for section, key in (*NAMES, *PART_LISTS, ("train", "augment")):
-        names = [getattr(one, "use", one) for one in getattr(getattr(recipe, section), key)]
+        names = [getattr(one, "use", one) for one in getattr(getattr(recipe, str(section)), str(key))]
         for index, name in enumerate(names):
             if name in names[:index]:
                 text = f"{section}.{key}: '{name}' is listed twice: remove one of the two"
@@ -58,8 +58,8 @@ def _training(train: Train) -> list[tuple[str, str]]:
             found.append(("average.start", f"{start} epochs are not fewer than train.epochs, {train.epochs}: lower it"))
         if train.average.use == "swa" and decay is not None:
             found.append(("average.decay", "swa is a mean and takes no decay: remove it, or name ema"))
-    if text := optimizer_mistake(train.optimizer):
-        found.append(("optimizer", text))
+    if (refusal := optimizer_mistake(train.optimizer)) is not None:
+        found.append(("optimizer", refusal))
     return found
 
 

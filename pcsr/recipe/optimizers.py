@@ -12,7 +12,7 @@ from pcsr.validation_messages import LONGEST, shortened
 
 UNSUITABLE = ("Optimizer", "LBFGS", "Muon", "SparseAdam")
 """Classes of `torch.optim` that are not offered: they need a closure, or weights or gradients of a certain form."""
-OPTIMIZERS: dict[str, type[torch.optim.Optimizer]] = {
+OPTIMIZERS: dict[str, type[Any]] = {
     name.lower(): thing
     for name, thing in vars(torch.optim).items()
     if isinstance(thing, type) and issubclass(thing, torch.optim.Optimizer) and name not in UNSUITABLE

@@ -222,7 +222,7 @@ def _flat(node: Any) -> Any:
         if node.keys() == {"use", "options"}:
             return {"use": node["use"], **node["options"]}
         return {key: _flat(value) for key, value in node.items()}
-    return node
+    return [_flat(value) for value in node] if isinstance(node, list) else node
 
 
 def _hash(plain: Any) -> str:

@@ -19,7 +19,7 @@ from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.recipe.schema import Weights
+from pcsr.recipe.train_section import Weights
 
 ROOT = Path(__file__).parents[2]
 TINY = [
