@@ -55,5 +55,6 @@ def optimizer_mistake(optimizer: PartSpec) -> str | None:
     try:
         OPTIMIZERS[optimizer.use]([weight], lr=1e-3, **optimizer.options)
     except (TypeError, ValueError) as error:
-        return f"optimizer '{optimizer.use}': {error}"
+        text = str(error)
+        return f"{optimizer.use} refuses its options: {text[:1].lower()}{text[1:]}: change them"
     return None
