@@ -9,6 +9,7 @@ from lightning_fabric import Fabric
 from rich.progress import Progress
 from safetensors.torch import load_file
 
+from pcsr import Logger
 from pcsr.data.dataset import Split
 from pcsr.experiments.run import packages
 from pcsr.experiments.run_options import RunOptions, run_folder
@@ -18,7 +19,9 @@ from pcsr.network.build import build
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Entry
 from pcsr.recipe import load
+from pcsr.recipe.section import PartSpec
 from pcsr.recipe.train_section import Weights
 
 ROOT = Path(__file__).parents[2]
@@ -48,6 +51,20 @@ def split():
     return Split(
         names, names, list(truth), list(truth[:, 100:164]), list(touched), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
     )
+
+
+class Events(Logger):
+    """Writes into a folder of its own, as loggers of others do."""
+
+    needs = frozenset({"no_such_package"})
+
+    def start(self, folder, recipe, step):
+        (folder / "events").mkdir(exist_ok=True)
+        self.path = folder / "events" / "steps.txt"
+
+    def log(self, step, values):
+        with self.path.open("a") as file:
+            file.write(f"{step}\n")
 
 
 def weights(network):
@@ -131,6 +148,27 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     assert (written["data"]["shapes"], written["data"]["points"], written["recipe"]["data"]["seed"]) == ("balls", 64, 5)
     assert not (tmp_path / "runs" / "data").exists()
     assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before
+
+
+@pytest.mark.parametrize("jsonl", [True, False])
+def test_what_loggers_write_stays_when_a_network_is_trained_again(recipe, split, tmp_path, jsonl):
+    registry = load_plugins()
+    registry.add(Entry("logger", "events", Events, "tests", "0"))
+    loggers = (*([PartSpec(use="jsonl")] if jsonl else []), PartSpec(use="events"))
+    one = recipe.model_copy(update={"train": recipe.train.model_copy(update={"loggers": loggers})})
+    lengths = []
+    for retrain in (False, True):
+        options = RunOptions(runs=tmp_path, retrain=retrain)
+        folder = run_folder(one, options)
+        folder.mkdir(exist_ok=True)
+        with Progress(disable=True) as progress:
+            _, training = trained(one, registry, "data", lambda *_: split, fabric(), options, progress)
+        lengths.append(len((folder / "events" / "steps.txt").read_text().splitlines()))
+        names = {"events", "recipe.json", "weights.safetensors", *(["metrics.jsonl"] if jsonl else [])}
+        assert {path.name for path in folder.iterdir()} == names
+    assert lengths[0] == lengths[1] > 0
+    assert (training["steps"], training["device"], training["validation"].keys()) == (6, "1 x cpu", {"cd"})
+    assert packages(one, registry, RunOptions()).get("no_such_package") == "logger 'events'"
 
 
 class UntrainedError(Exception):

@@ -9,7 +9,7 @@ from pcsr.recipe import MODEL, RecipeError, check_card, from_resolved, load
 from pcsr.recipe.optimizers import OPTIMIZERS, optimizer_options
 
 MISTAKES = {
-    "optimizer: SGDD": "4: train.optimizer: there is no optimizer 'SGDD': did you mean 'sgd'?",
+    "optimizer: SGDD": "there is no optimizer 'SGDD': did you mean 'sgd'?",
     "optimizer: 5": "train.optimizer is a section: write its keys under it, got 5",
     "optimizer: {use: adam, beta: [0.9, 0.99]}": "optimizer 'adam' takes no 'beta': did you mean 'betas'?",
     "optimizer: {use: adam, lr: 0.1}": "optimizer 'adam' takes no 'lr': ",
@@ -18,7 +18,7 @@ MISTAKES = {
     "optimizer: {use: sgd, nesterov: 1}": "optimizer 'sgd'.nesterov: it must be true or false, got 1",
     "optimizer: {use: adam, betas: 0.9}": "optimizer 'adam'.betas: it must be a list, got 0.9",
     "optimizer: {use: sgd, momentum: -1}": "train.optimizer: sgd refuses its options: invalid momentum value: -1.0",
-    "optimizer: {use: sgd, nesterov: true}": "sgd refuses its options: nesterov momentum requires a momentum and zero",
+    "optimizer: {use: sgd, nesterov: true}": "train.optimizer: sgd refuses its options: nesterov momentum",
     "schedule: cosin": "train.schedule: it must be 'steps', 'cosine' or 'linear', got 'cosin'",
     "final_learning_rate: 1": "train.final_learning_rate: 1 is more than train.learning_rate, 0.001: lower it",
     "warmup: 4": "train.warmup: 4 epochs are not fewer than train.epochs, 4: lower it",
@@ -47,8 +47,7 @@ def test_a_mistake_is_one_line_with_its_place(write, registry, written):
         load(write(f"name: a\ntrain:\n  epochs: 4\n  {written}", model=True), registry)
     (mistake,) = caught.value.mistakes
     assert mistake.location.line == 4
-    expected = MISTAKES[written].removeprefix("4: train.optimizer: ")
-    assert mistake.text.startswith(expected)
+    assert mistake.text.startswith(MISTAKES[written])
     assert "\n" not in mistake.text
 
 
