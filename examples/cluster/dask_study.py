@@ -19,10 +19,9 @@ def run(*words: str) -> None:
     """Run `pcsr run` in this process. So it ends with a worker that is killed."""
     from pcsr.cli import pcsr
 
-    try:
-        pcsr.main(["run", *words], standalone_mode=False)
-    except Exception as error:
-        raise RuntimeError(f"pcsr run {' '.join(words)}: {error}") from None
+    code = pcsr.main(["run", *words], standalone_mode=False)
+    if code:
+        raise RuntimeError(f"pcsr run {' '.join(words)} ended with code {code}: its message is in the worker's log")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -49,7 +49,13 @@ def test_two_workers_have_the_bytes_of_one_machine(tmp_path):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         there = [sys.executable, script, cluster.scheduler_address, study, "--runs", tmp_path / "there"]
         done = subprocess.run(there, capture_output=True, text=True, check=False)
+        elsewhere = [*there[:-1], tmp_path / "failed", "--set", "train.snapshots=[99]"]
+        failed = subprocess.run(elsewhere, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "row 1 of 2 is finished" in done.stdout
+    assert "row 2 of 2 is finished" in done.stdout
     assert "all runs: " in done.stdout
+    assert failed.returncode == 1
+    assert "ended with code 2: its message is in the worker's log" in failed.stderr
     assert len(runs(tmp_path / "here")) == 2
     assert runs(tmp_path / "there") == runs(tmp_path / "here")

@@ -118,8 +118,13 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
 
 
 @pytest.mark.slow
-def test_two_processes_train_the_weights_of_one(tmp_path):
-    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
+@pytest.mark.parametrize(
+    "changes",
+    [[], ["train.patience=1", "train.validate_every=1", "train.average={use: ema, decay: 0.5}", "train.clip_norm=0.1"]],
+    ids=["plain", "early"],
+)
+def test_two_processes_train_the_weights_of_one(tmp_path, changes):
+    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]", *changes]
     words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
