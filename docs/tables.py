@@ -41,12 +41,14 @@ def metrics() -> None:
 def formats() -> None:
     """The suffixes and names of formats that `pcsr upsample` and `pcsr evaluate` read, and those that are written."""
     from pcsr.clouds.formats import CLOUD_READERS, CLOUD_WRITERS, NAMED_READERS
+    from pcsr.ros.paths import SUFFIXES
 
     rows = []
     for suffix in CLOUD_READERS:
         what = "vertices" if suffix in MESHES else "yes"
         extra = f"`[{EXTRAS[suffix]}]`" if suffix in EXTRAS else ""
         rows.append((f"`{suffix}`", what, what if suffix in CLOUD_WRITERS else "no", extra))
+    rows += [(f"`{suffix}`", "yes", "no", "`[ros]`") for suffix in SUFFIXES]
     rows += [(f"`--format {name}`", "yes", "no", "") for name in NAMED_READERS]
     table(("suffix", "read", "written", "extra"), rows)
 

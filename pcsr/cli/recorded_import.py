@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE, OUTPUT_FOLDER, Seconds
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, Number
 from pcsr.cli.streaming import stages
 from pcsr.cli.touch_options import pose_error_option
 from pcsr.cli.warnings_shown import yellow_warnings
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from pcsr.clouds.pose_error import PoseError
     from pcsr.recorded.bags.importing import ImportedTouch
     from pcsr.ros.bag import Bag
+
+
+HEADS = ("touch", "points", "depth mm", "position m", "quaternion x y z w")
+"""Heads of the table."""
 
 
 class _Times(click.ParamType[tuple[float, ...]]):
@@ -100,7 +102,7 @@ class _Times(click.ParamType[tuple[float, ...]]):
 @click.option("--sensor", "name", metavar="NAME", help="Name of the sensor.  [default: the topic's]")
 @click.option(
     "--max-gap",
-    type=Seconds(0, 60),
+    type=Number(0, 60),
     default=0.1,
     show_default=True,
     metavar="S",
@@ -146,25 +148,19 @@ def import_(
     with Bag(bags) as bag:
         with yellow_warnings(errors), progress_bars(errors, hidden=False) as progress:
             touches = import_touches(bag, folder, options, stages(progress))
-        console.print(_table(touches))
+        streams.print_table(console, HEADS, [_cells(one) for one in touches], HEADS[1:3])
         next_step = f"next: pcsr upsample {_scan(bag, bags, topic)} --touch {shlex.quote(str(folder))} -o dense.ply"
         console.print(f"{folder}: {len(touches)} touches, in metres", markup=False, soft_wrap=True)
         console.print(next_step, markup=False, soft_wrap=True)
 
 
-def _table(touches: "Sequence[ImportedTouch]") -> "Table":
-    """Return a table of the touches."""
-    from rich import box
-    from rich.table import Column, Table
+def _cells(touch: "ImportedTouch") -> list[str]:
+    """Return the cells of a touch in the table."""
     from scipy.spatial.transform import Rotation
 
-    heads = ("touch", "points", "depth, mm", "position, m", "quaternion x y z w")
-    table = Table(*(Column(head, overflow="fold") for head in heads), box=box.SIMPLE_HEAD)
-    for one in touches:
-        position = " ".join(f"{value:.4f}" for value in one.pose[:3, 3])
-        quaternion = " ".join(f"{value:.4f}" for value in Rotation.from_matrix(one.pose[:3, :3]).as_quat())
-        table.add_row(one.name, str(len(one.points)), f"{one.depth:.2f}", position, quaternion)
-    return table
+    position = " ".join(f"{value:.4f}" for value in touch.pose[:3, 3])
+    quaternion = " ".join(f"{value:.4f}" for value in Rotation.from_matrix(touch.pose[:3, :3]).as_quat())
+    return [touch.name, str(len(touch.points)), f"{touch.pressed.depth:.2f}", position, quaternion]
 
 
 def _scan(bag: "Bag", bags: Sequence[Path], touch_topic: str) -> str:

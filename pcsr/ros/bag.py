@@ -3,7 +3,6 @@
 import heapq
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from pcsr.errors import UserError
 from pcsr.extras import imported
 from pcsr.inputs import check_file
 from pcsr.ros.paths import METADATA, SUFFIXES, files_of
+from pcsr.ros.topics import Topic, listed, short
 
 USER = "a ROS bag"
 """Feature that needs rosbags, for the message if it is not installed."""
@@ -21,21 +21,8 @@ REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag r
 """Program that repairs a bag whose recording was cut off, by its suffix."""
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Type of the messages of /tf, and its old name in ROS 1."""
-MOST_LISTED = 20
-"""Most topics that a message lists; further ones are counted."""
 WINDOW = 10**9
 """First length of the time, back from the end of a bag, in which the last message is sought; nanoseconds."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """Topic of a bag."""
-
-    name: str
-    type: str
-    """Type of its messages, such as "sensor_msgs/msg/PointCloud2"; in ROS 1 it is written without "msg/"."""
-    count: int
-    """Number of its messages."""
 
 
 class Message(NamedTuple):
@@ -158,23 +145,27 @@ class Bag(AbstractContextManager["Bag"]):
             for message in self.messages([topic], self.end - window):
                 found = message
             window *= 8
+        return self._there(found, topic)
+
+    def first(self, topic: str, moment: tuple[int, int] | None = None) -> Message:
+        """Return the first message of a topic that has messages, or the first of a moment.
+
+        Args:
+            topic: name of the topic.
+            moment: times of a message, `received` and `stamp`.
+
+        Raises:
+            UserError: as `messages`.
+        """
+        if moment is None:
+            return self._there(next(self.messages([topic]), None), topic)
+        found = self.messages([topic], moment[0], moment[0] + 1)
+        return self._there(next((one for one in found if one.stamp == moment[1]), None), topic)
+
+    def _there(self, found: Message | None, topic: str) -> Message:
         if found is None:
-            raise UserError(
-                f"{self.name}: the topic {topic} has no messages, though the bag counts some: it is damaged"
-            )
+            raise UserError(f"{self.name}: the topic {topic} lacks messages that the bag lists: it is damaged")
         return found
-
-
-def listed(topics: Collection[Topic]) -> str:
-    """Return the names and types of topics for a message."""
-    shown = [f"{one.name} ({short(one.type)})" for one in list(topics)[:MOST_LISTED]]
-    more = len(topics) - len(shown)
-    return ", ".join(shown) + (f" and {more} more" if more else "") if shown else "no topics"
-
-
-def short(kind: str) -> str:
-    """Return the name of a type without "msg", as in ROS 1: "sensor_msgs/Image"."""
-    return kind.replace("/msg/", "/")
 
 
 def nanoseconds(stamp: Any) -> int:

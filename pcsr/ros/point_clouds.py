@@ -6,11 +6,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcsr.errors import UserError
+from pcsr.limits import MOST_COLUMNS
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 """Type of the messages."""
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """NumPy's types of fields, by their numbers in sensor_msgs/PointField."""
+MOST_BYTES = 8 * MOST_COLUMNS
+"""Largest size of a point in bytes."""
 
 
 def table(message: Any) -> np.ndarray:
@@ -54,8 +57,10 @@ def _kind(message: Any, step: int) -> np.dtype[Any]:
     """Return NumPy's type of a point.
 
     Raises:
-        UserError: a field has an unknown type, or does not fit into a point.
+        UserError: a point is too large, or a field has an unknown type or does not fit into a point.
     """
+    if step > MOST_BYTES:
+        raise UserError(f"its points have {step} bytes each, and {MOST_BYTES} are the most: it is damaged")
     order = ">" if message.is_bigendian else "<"
     names: list[str] = []
     formats: list[Any] = []

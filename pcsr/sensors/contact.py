@@ -4,12 +4,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
+from pcsr.errors import UserError
+
 CONTACT_SHARE = 0.4
 """Share of the greatest indentation from which on a gel is in contact.
 
 A membrane sinks in beside a contact too. In images of balls of 6.31 and 9.5 mm pressed onto a GelSight Mini, and of one
 pressed onto a DIGIT, the rim of the contact lies at this share of the greatest indentation.
 """
+
+
+class NoContactError(UserError):
+    """A tactile image shows no contact."""
 
 
 def in_contact(

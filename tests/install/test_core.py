@@ -102,6 +102,12 @@ REFUSED = {
     "evaluate": (["evaluate", "large.ply", "large.ply", "--metric", "emd"], "needs pot", "train"),
     "read PCD": (["upsample", "scan.pcd", "-o", "new.ply"], "scan.pcd: the format PCD needs pypcd4", "pcd"),
     "write PCD": (["upsample", "scan.ply", "-o", "new.pcd"], "the format PCD needs pypcd4", "pcd"),
+    "read a bag": (["upsample", "scan.mcap:/points", "-o", "new.ply"], "a ROS bag needs rosbags", "ros"),
+    "import a bag": (
+        ["recorded", "import", "scan.mcap", "--touch", "/gel", "--pose", "gel", "-o", "new"],
+        "a ROS bag needs rosbags",
+        "ros",
+    ),
     "write LAS": (["upsample", "scan.ply", "-o", "new.las"], "the format LAS needs laspy", "las"),
     "surface": (["upsample", "scan.ply", "-o", "new.ply", "--mesh", "new.obj"], "needs open3d", "open3d"),
     "page of clouds": (["view", "scan.ply"], "the viewer needs plotly", "report"),
@@ -126,6 +132,7 @@ def folder(tmp_path_factory):
     write_points(path / "scan.ply", cloud[:100])
     write_points(path / "large.ply", cloud)
     (path / "scan.pcd").write_bytes(b"# .PCD v0.7\n")
+    (path / "scan.mcap").write_bytes(b"\x89MCAP0\r\n")
     (path / "objects").mkdir()
     for name in ("ball", "other", "third"):
         trimesh.creation.icosphere(subdivisions=2, radius=50).export(path / "objects" / f"{name}.stl")

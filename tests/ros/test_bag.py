@@ -164,3 +164,20 @@ def test_an_mcap_of_another_profile_is_named(bag):
     bag.file.write_bytes(data.replace(b"\x04\0\0\0ros2", b"\x04\0\0\0ros1"))
     with pytest.raises(UserError, match="is an MCAP of another profile than ros2"):
         Bag([bag.path])
+
+
+def test_messages_that_are_listed_and_not_there_are_an_error(any_bag, monkeypatch):
+    with any_bag:
+        any_bag.pose("/arm", 0.5, (1, 2, 3))
+        any_bag.pose("/arm", 1.0, (2, 2, 3), stamp=1.0)
+        any_bag.pose("/arm", 1.0, (3, 2, 3), stamp=2.0)
+    with Bag([any_bag.path]) as bag:
+        assert bag.first("/arm").content.pose.position.x == 1
+        assert bag.first("/arm", (START + 10**9, 2 * 10**9)).content.pose.position.x == 3
+        said = "the topic /arm lacks messages that the bag lists: it is damaged"
+        with pytest.raises(UserError, match=said):
+            bag.first("/arm", (START + 10**9, 3 * 10**9))
+        monkeypatch.setattr(bag, "messages", lambda *arguments: iter(()))
+        for read in (bag.first, bag.last):
+            with pytest.raises(UserError, match=said):
+                read("/arm")

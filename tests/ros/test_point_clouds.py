@@ -55,6 +55,7 @@ def test_harmless_deviations_are_read():
         ({"height": 2**32 - 1, "row_step": 0}, "it claims"),
         ({"height": 2, "width": 6, "row_step": 71}, "it claims 2 rows of 6 points"),
         ({"point_step": 0}, r"its field 'x', 1 numbers from byte 0 on, does not fit into its points of 0 bytes"),
+        ({"width": 0, "point_step": 2**32 - 1}, "its points have 4294967295 bytes each, and 32768 are the most"),
         ({"fields": [field(offset=9)]}, "does not fit into its points of 12 bytes"),
         ({"fields": [field(count=2**31)]}, "does not fit"),
         ({"fields": [field(datatype=9)]}, "its field 'x' has the type 9, which no PointCloud2 has"),

@@ -146,16 +146,18 @@ def _read(data: bytes, kind: str, name: str, read: Callable[[bytes], Cloud]) -> 
 def _read_bag(path: Path, name: str) -> Cloud:
     """Read a cloud of a bag, and warn of what was left out."""
     bag, topic = bag_and_topic(path) or (path, None)
-    return _checked(partial(rosbag.read, bag, topic), ROSBAG, name)
+    return _checked(partial(rosbag.read, bag, topic), ROSBAG, name, begins=str(bag))
 
 
-def _checked(read: Callable[[], Cloud], kind: str, name: str) -> Cloud:
+def _checked(read: Callable[[], Cloud], kind: str, name: str, begins: str | None = None) -> Cloud:
+    """Call a reader; name the file in its errors, unless they begin with `begins`, and warn of its notes."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond doubles are found later, as not finite
             cloud = read()
     except UserError as error:
         reason = str(error).encode("utf-8", "replace").decode()  # may quote long or broken text of the file
-        raise UserError(f"{name}: {reason if len(reason) <= LONGEST else reason[:LONGEST] + '…'}") from error
+        reason = reason if len(reason) <= LONGEST else reason[:LONGEST] + "…"
+        raise UserError(reason if begins and reason.startswith(begins) else f"{name}: {reason}") from error
     except MemoryError as error:
         raise UserError(f"{name} cannot be read: it needs more memory than is free") from error
     except Exception as error:  # malformed files make libraries raise errors of any type, in their words

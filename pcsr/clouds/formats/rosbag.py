@@ -9,8 +9,9 @@ from pcsr.clouds.columns import native, unused
 from pcsr.clouds.formats.colours import unpacked
 from pcsr.errors import UserError
 from pcsr.limits import check_memory
-from pcsr.ros.bag import Bag, Topic, listed
+from pcsr.ros.bag import Bag
 from pcsr.ros.point_clouds import POINT_CLOUD, coordinates, table
+from pcsr.ros.topics import Topic, listed
 
 MEMORY = 4
 """Peak memory of reading a cloud, relative to the size of its message."""

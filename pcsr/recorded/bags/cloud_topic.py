@@ -48,7 +48,7 @@ class CloudTopic(TactileTopic):
                 f"its points are {low:.3g} to {high:.3g} mm deep in the gel, more than any gel is thick: check --axes "
                 f"and --face, and that the cloud is in metres"
             )
-        return Pressed(points)
+        return Pressed(points, greatest(points[:, 2]))
 
     def is_whole_gel(self, content: Any) -> bool:
         """Return whether most points of a message lie at the gel's face, as if it were a cloud of the whole gel."""

@@ -2,24 +2,22 @@
 
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
 
-from pcsr.errors import UserError
 from pcsr.recorded.bags.pressed import Pressed, TactileTopic, greatest
 from pcsr.ros import images
-
-if TYPE_CHECKING:
-    from pcsr.sensors import Calibration
+from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.contact import NoContactError
 
 
 @dataclass(frozen=True)
 class ColourTopic(TactileTopic):
     """Reader of images in colour."""
 
-    calibration: "Calibration"
+    calibration: Calibration
     calibration_file: bytes
     """Content of the calibration's file."""
     background: UInt8[np.ndarray, "h w 3"]
@@ -27,15 +25,19 @@ class ColourTopic(TactileTopic):
 
     def indentation(self, content: Any) -> float:
         """Return the greatest indentation of the gel in a message, in mm, without stray pixels; 0 without any."""
-        return greatest(self.calibration.read(images.colours(content), self.background).indentation)
+        image = images.colours(content)
+        try:
+            reading = self.calibration.read(image, self.background)
+        except NoContactError:
+            return 0.0
+        return greatest(reading.indentation[reading.contact])
 
     def pressed(self, content: Any, name: str) -> Pressed:
         """Return the contact in a message, as the calibration finds it."""
         image = images.colours(content)
         reading = self.calibration.read(image, self.background)
-        if len(reading.points) == 0:
-            raise UserError("no contact: no pixel is in contact")
-        return Pressed(reading.points, reading.area, {"image": f"{name}.png"}, {f"{name}.png": _png(image)})
+        depth = greatest(reading.indentation[reading.contact])
+        return Pressed(reading.points, depth, reading.area, {"image": f"{name}.png"}, {f"{name}.png": _png(image)})
 
     @property
     def sensor(self) -> str | None:

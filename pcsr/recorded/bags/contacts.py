@@ -16,6 +16,8 @@ NOISES = 5.0
 """Smallest indentation of a contact, in standard deviations of the noise from message to message."""
 SMOOTHED = 5
 """Number of messages whose median is taken."""
+STRAY = 1.2
+"""A message that is this many times as deep as the median around it is no deepest one."""
 PAUSE = 2.0
 """Messages that are more seconds apart belong to different contacts."""
 
@@ -35,7 +37,7 @@ def contacts(depths: Float64[np.ndarray, " n"], times: Int64[np.ndarray, " n"]) 
     found = []
     for part in _parts(times):
         smooth = _smoothed(depths[part])
-        found += [part.start + index for index in _peaks(smooth, least)]
+        found += [part.start + _deepest(depths[part], smooth, peak) for peak in _peaks(smooth, least)]
     return found
 
 
@@ -69,6 +71,7 @@ def _smoothed(depths: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
 
 
 def _peaks(depths: Float64[np.ndarray, " n"], least: float) -> list[int]:
+    """Return the index of the deepest message of each contact, of depths without noise."""
     found = []
     best: int | None = None
     lowest = 0.0
@@ -86,8 +89,14 @@ def _peaks(depths: Float64[np.ndarray, " n"], least: float) -> list[int]:
 
 
 def _middle(depths: Float64[np.ndarray, " n"], first: int) -> int:
-    """Return the middle of the messages from `first` on that are equally deep, as medians are beside one another."""
+    """Return the middle of the messages from `first` on that are equally deep, as those of whole millimetres are."""
     last = first
     while last + 1 < len(depths) and depths[last + 1] == depths[first]:
         last += 1
     return (first + last) // 2
+
+
+def _deepest(depths: Float64[np.ndarray, " n"], smooth: Float64[np.ndarray, " n"], peak: int) -> int:
+    """Return the deepest message around a peak of the medians, without those that are far deeper than it."""
+    near = range(max(0, peak - SMOOTHED // 2), min(len(depths), peak + SMOOTHED // 2 + 1))
+    return max((i for i in near if depths[i] <= STRAY * smooth[peak]), key=lambda i: (depths[i], -abs(i - peak)))

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from pcsr.recorded.bags.pressed import Pressed, TactileTopic, greatest
+from pcsr.recorded.gel_images import touching
 from pcsr.recorded.images import depth_contact, same_size
 from pcsr.recorded.manifest import Intrinsics
 from pcsr.ros import images
-from pcsr.sensors.contact import CONTACT_SHARE
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class DepthTopic(TactileTopic):
     face: float
     """Distance from the camera to the gel's face in mm."""
     above: float | None
-    """Indentation in mm above which a pixel is in contact; None for `CONTACT_SHARE` of the greatest."""
+    """Indentation in mm above which a pixel is in contact; None to find the contact by `touching`."""
     background: Float64[np.ndarray, "h w"] | None = None
     """Depths of the untouched gel in mm, NaN where there is none; None for a flat gel at `face`."""
 
@@ -34,18 +34,19 @@ class DepthTopic(TactileTopic):
         """Return the contact in a message: the pixels that are deep enough."""
         depths = images.depth(content)
         indentation = self._indentation(depths)
-        above = max(0.0, CONTACT_SHARE * greatest(indentation)) if self.above is None else self.above
-        points, area = depth_contact(depths, self.intrinsics, self.face, indentation > above)
-        entry = {
+        contact = touching(indentation, self.above)
+        points, area = depth_contact(depths, self.intrinsics, self.face, contact)
+        entry: dict[str, Any] = {
             "depth": f"{name}.npy",
             "unit": "mm",
             "intrinsics": self.intrinsics.model_dump(),
             "face": self.face,
-            "contact_above": above,
         }
+        if self.above is not None:
+            entry["contact_above"] = self.above
         if self.background is not None:
             entry["background"] = "background.npy"
-        return Pressed(points, area, entry, {f"{name}.npy": _npy(depths)})
+        return Pressed(points, greatest(indentation[contact]), area, entry, {f"{name}.npy": _npy(depths)})
 
     def shared(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """Return the file of the background."""

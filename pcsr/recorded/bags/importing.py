@@ -18,11 +18,12 @@ from pcsr.recorded.bags.cloud_topic import CloudTopic
 from pcsr.recorded.bags.messages import TopicMessages
 from pcsr.recorded.bags.opening import TYPES, Sensor, open_topic
 from pcsr.recorded.bags.poses import Advance, Poses, read_poses
-from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, greatest, sensor_frame
+from pcsr.recorded.bags.pressed import METRE, Pressed, TactileTopic, sensor_frame
 from pcsr.recorded.folder import check_free, manifest_text, write_folder
 from pcsr.recorded.pose import in_object, transformed
 from pcsr.recorded.writing import write
-from pcsr.ros.bag import Bag, Topic
+from pcsr.ros.bag import Bag
+from pcsr.ros.topics import Topic
 from pcsr.ros.transforms import MAX_GAP, plain
 
 
@@ -65,11 +66,6 @@ class ImportedTouch:
     pressed: Pressed
     """Contact in pcsr's frame of the sensor."""
 
-    @property
-    def depth(self) -> float:
-        """Greatest indentation of the gel in mm, without stray points."""
-        return greatest(self.pressed.points[:, 2])
-
 
 def _silent(what: str, done: int, total: int) -> None:
     """Show no progress."""
@@ -99,7 +95,7 @@ def import_touches(bag: Bag, folder: Path, options: ImportOptions, advance: Adva
     topic = bag.topic(options.topic, TYPES)
     poses = read_poses(bag, options.pose, options.object_frame, options.max_gap, advance)
     messages = TopicMessages(bag, topic, advance)
-    first = next(bag.messages([topic.name])).content
+    first = bag.first(topic.name).content
     reader, axes = open_topic(bag, topic, options.sensor, first, messages.at)
     _check_frame(topic, poses, first)
     if options.at:

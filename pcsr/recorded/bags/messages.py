@@ -1,18 +1,24 @@
 """Messages of a tactile topic: by time, and those that are contacts."""
 
+import warnings
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.recorded.bags.contacts import contacts, threshold
 from pcsr.recorded.bags.poses import Advance
 from pcsr.recorded.bags.pressed import TactileTopic
-from pcsr.ros.bag import Bag, Topic
+from pcsr.ros.bag import Bag
+from pcsr.ros.topics import Topic
 
 NEAR = 0.5
 """Longest time from a named time to a message, in seconds."""
+
+
+MOST_UNREAD = 20
+"""If so many messages at the beginning cannot be read, none is expected to be readable."""
 
 
 class Moment(NamedTuple):
@@ -51,9 +57,7 @@ class TopicMessages:
 
     def content(self, index: int) -> Any:
         """Return the content of a message."""
-        moment = self.moments[index]
-        found = self.bag.messages([self.topic.name], moment.received, moment.received + 1)
-        return next(one.content for one in found if one.stamp == moment.stamp)
+        return self.bag.first(self.topic.name, self.moments[index]).content
 
     def at(self, time: float, option: str) -> Any:
         """Return the content of the message that is nearest to a time; see `nearest`."""
@@ -86,18 +90,28 @@ class TopicMessages:
         """Return the indices of the deepest message of each contact.
 
         Raises:
-            UserError: there is no contact, or a message is damaged.
+            UserError: there is no contact, or no message can be read.
+
+        Warns:
+            PcsrWarning: some messages cannot be read. They count as untouched.
         """
         found, depths = [], []
+        unread: list[str] = []
         for number, message in enumerate(self.bag.messages([self.topic.name]), 1):
             moment = Moment(message.received, message.stamp)
             try:
                 depths.append(reader.indentation(message.content))
             except UserError as error:
-                raise UserError(f"{self.topic.name} at {self._seconds(moment):.3f} s: {error}") from error
+                depths.append(0.0)
+                unread.append(f"{self.topic.name} at {self._seconds(moment):.3f} s: {error}")
+                if len(unread) == number >= min(MOST_UNREAD, self.topic.count):
+                    raise UserError(unread[0]) from error
             found.append(moment)
             self.advance(f"finding contacts in {self.topic.name}", number, self.topic.count)
         self.moments = found
+        if unread:
+            count = f"{len(unread)} of {len(found)} messages"
+            warnings.warn(f"{count} cannot be read and count as untouched: {unread[0]}", PcsrWarning, stacklevel=3)
         indentation = np.array(depths, np.float64)
         times = np.array([moment.received for moment in found], np.int64)
         chosen = contacts(indentation, times)

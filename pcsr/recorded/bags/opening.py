@@ -18,9 +18,12 @@ from pcsr.recorded.fields import Axis
 from pcsr.recorded.images import read_image
 from pcsr.recorded.manifest import Intrinsics
 from pcsr.ros import images
-from pcsr.ros.bag import Bag, Topic, listed
+from pcsr.ros.bag import Bag
 from pcsr.ros.images import CAMERA_INFO, COMPRESSED, IMAGE
 from pcsr.ros.point_clouds import POINT_CLOUD
+from pcsr.ros.topics import Topic, listed
+from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.images import read_rgb
 
 T = TypeVar("T")
 TYPES = (POINT_CLOUD, IMAGE, COMPRESSED)
@@ -127,9 +130,6 @@ def _intrinsics(bag: Bag, topic: Topic, sensor: Sensor, shape: tuple[int, ...]) 
 
 
 def _colour_topic(topic: Topic, sensor: Sensor, content: Any, message_at: Callable[[float, str], Any]) -> ColourTopic:
-    from pcsr.sensors import Calibration
-    from pcsr.sensors.images import read_rgb
-
     if sensor.calibration is None:
         raise UserError(f"--calibration is missing: {topic.name} has images in colour: name the sensor's calibration")
     calibration = Calibration.load(sensor.calibration)

@@ -22,6 +22,8 @@ class Pressed:
 
     points: Float64[np.ndarray, "m 3"]
     """Contact points in pcsr's frame of the sensor, in mm."""
+    depth: float
+    """Greatest indentation of the gel in mm, without stray points."""
     area: float | None = None
     """Contact area in mm²; None if unknown."""
     entry: dict[str, Any] | None = None
@@ -35,7 +37,11 @@ class TactileTopic(ABC):
 
     @abstractmethod
     def indentation(self, content: Any) -> float:
-        """Return the greatest indentation of the gel in a message, in mm, without stray points; 0 without any."""
+        """Return the greatest indentation of the gel in a message, in mm, without stray points; 0 without contact.
+
+        Raises:
+            UserError: the message is damaged.
+        """
 
     @abstractmethod
     def pressed(self, content: Any, name: str) -> Pressed:

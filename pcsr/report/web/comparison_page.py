@@ -5,8 +5,7 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 
 from pcsr.report.tables.comparison import compare, differences
-from pcsr.report.tables.text_table import TextTable
-from pcsr.report.web.document import document, table
+from pcsr.report.web.document import document, text_table
 from pcsr.results import Results
 
 
@@ -20,15 +19,8 @@ def comparison_page(runs: Sequence[Results], name: str, figures: Mapping[str, by
     """
     different = differences(runs)
     tables = [*compare(runs, name), *([] if different is None else [different])]
-    body = f"<h1>{html.escape(name)}</h1>" + "".join(map(_table, tables)) + _figures(figures) + _reports(runs)
+    body = f"<h1>{html.escape(name)}</h1>" + "".join(map(text_table, tables)) + _figures(figures) + _reports(runs)
     return document(name, body)
-
-
-def _table(shown: TextTable) -> str:
-    lines = [[html.escape(cell).replace("\n", "<br>") for cell in line] for line in shown.cells]
-    body = table([html.escape(head) for head in shown.heads], lines)
-    note = f'<p class="note">{html.escape(shown.note)}</p>'
-    return f"<section><h2>{html.escape(shown.title)}</h2>{body}{note}</section>"
 
 
 def _figures(figures: Mapping[str, bytes] | str) -> str:

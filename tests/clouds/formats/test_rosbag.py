@@ -92,9 +92,10 @@ def test_several_topics_with_clouds_and_none_are_errors(bag):
     said = r"scan: it has several topics with clouds: name one, as in \S+scan:/left/points; it has /left/points \(sen"
     with pytest.raises(UserError, match=said):
         read_cloud(bag.path)
-    with pytest.raises(UserError, match="the topic /arm has messages geometry_msgs/PoseStamped, not sensor_msgs/Point"):
+    said = rf"^{bag.path}: the topic /arm has messages geometry_msgs/PoseStamped, not sensor_msgs/PointCloud2"
+    with pytest.raises(UserError, match=said):
         read_cloud(Path(f"{bag.path}:/arm"))
-    with pytest.raises(UserError, match="has no topic /none: it has /arm"):
+    with pytest.raises(UserError, match=rf"^{bag.path} has no topic /none: it has /arm"):
         read_cloud(Path(f"{bag.path}:/none"))
 
 

@@ -71,7 +71,7 @@ def test_contacts_at_the_beginning_and_the_end_count():
     depths = np.zeros(30)
     depths[:10] = 1.0
     depths[20:] = np.linspace(0.1, 0.9, 10)
-    assert contacts(depths, times) == [4, 28]
+    assert contacts(depths, times) == [4, 29]
     assert len(contacts(np.ones(30), times)) == 1
 
 
