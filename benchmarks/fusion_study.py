@@ -88,11 +88,18 @@ def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
 
 
 @cache
+def order() -> list[str]:
+    """Return the names of the study's rows."""
+    return [_row(recipe.name) for recipe in load(STUDY, load_plugins(), ["seed=0"])]
+
+
+@cache
 def _test_split(folder: Path) -> Split:
     return Split.load(folder, "test")
 
 
 def _recipe(folder: Path) -> dict:
+    """Return the resolved recipe of a run, finished or not."""
     return json.loads((folder / "recipe.json").read_text(encoding="utf-8"))
 
 
@@ -107,8 +114,7 @@ def read(runs: Path, registry: Registry) -> Rows:
     Raises:
         UserError: there are no snapshots, or the test data are not in RUNS/data.
     """
-    order = [_row(recipe.name) for recipe in load(STUDY, registry)]
-    rows: Rows = {row: defaultdict(list) for row in order}
+    rows: Rows = {row: defaultdict(list) for row in order()}
     seen = set()
     folders = sorted(path.parent for path in runs.glob("fusions-*/recipe.json"))
     for folder in track(folders, "measuring", console=Console(stderr=True), transient=True):

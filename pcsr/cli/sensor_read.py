@@ -54,10 +54,9 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
     from pcsr.files import write_bytes
     from pcsr.progress import progress_bars
     from pcsr.sensors import Calibration, read_rgb
-    from pcsr.sensors.calibration import check_background
 
     calibration, rest = Calibration.load(calibration_file), read_rgb(background)
-    check_background(calibration, rest, f"--background {background}")
+    calibration.check_background(rest, f"--background {background}")
     files = image_files(images, "IMAGE", [background])
     check_distinct(files)
     several = len(files) > 1 or images[0].is_dir()

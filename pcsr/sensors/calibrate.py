@@ -9,7 +9,9 @@ from jaxtyping import Float
 
 from pcsr.errors import UserError
 from pcsr.limits import check_memory
-from pcsr.sensors.calibration import LARGEST, LONGEST_NAME, Calibration, coarse
+from pcsr.sensors.backgrounds import coarse
+from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.calibration_file import LARGEST, LONGEST_NAME
 from pcsr.sensors.colour import check_exposure
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
 from pcsr.sensors.fitting import Fit, Place, fit

@@ -1,6 +1,6 @@
 """Calibration of a tactile sensor: converts its images to indentations and points in contact."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,8 @@ from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
+from pcsr.sensors.backgrounds import OTHER_SENSOR, coarse
+from pcsr.sensors.calibration_file import read_fields, write_fields
 from pcsr.sensors.colour import changed, check_exposure, colour_change
 from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
@@ -18,11 +20,6 @@ from pcsr.sensors.reading import Reading
 
 SHALLOWEST = 0.05
 """Greatest indentation, in millimetres, up to which an image shows no contact."""
-
-LARGEST = 1e3
-"""Greatest length in millimetres: side of a pixel, radius of a dome, diameter of a ball."""
-LONGEST_NAME = 200
-"""Most characters of a sensor's name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +40,10 @@ class Calibration:
         >>> reading = Calibration.load("mine.json").read(pressed(70.0, 50.0), background)
         >>> print(f"{reading.indentation.max():.1f} mm")
         0.8 mm
+        >>> made.calibration.check_background(background // 3, "a darker image")
+        Traceback (most recent call last):
+            ...
+        pcsr.errors.UserError: a darker image differs by ...
     """
 
     sensor: str
@@ -62,16 +63,14 @@ class Calibration:
     background: Float[np.ndarray, "r c 3"]
     """Mean colours of the background of the calibration in a coarse grid, by which another sensor's is recognized."""
 
-    @staticmethod
-    def load(path: Path | str) -> "Calibration":
+    @classmethod
+    def load(cls, path: Path | str) -> "Calibration":
         """Read a calibration from a JSON file.
 
         Raises:
             UserError: the file does not exist, is damaged, or holds numbers that no calibration has.
         """
-        from pcsr.sensors.calibration_file import load
-
-        return load(Path(path))
+        return cls(**read_fields(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the calibration to a JSON file.
@@ -79,9 +78,7 @@ class Calibration:
         Raises:
             RunError: the file cannot be written.
         """
-        from pcsr.sensors.calibration_file import save
-
-        save(self, Path(path))
+        write_fields(Path(path), {field.name: getattr(self, field.name) for field in fields(self)})
 
     def read(self, image: Image, background: Image) -> Reading:
         """Measure a touch.
@@ -96,7 +93,7 @@ class Calibration:
             NoContactError: there is no contact.
         """
         self._check_size(image, "it")
-        check_background(self, background, "its background")
+        self.check_background(background, "its background")
         slopes, touched = slopes_of(colour_change(image, background), self.coefficients)
         indentation = integrated(slopes) * self.mm_per_pixel
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
@@ -124,33 +121,31 @@ class Calibration:
             view=None if self.gel.dome else (self.columns * self.mm_per_pixel, self.rows * self.mm_per_pixel),
         )
 
+    def check_background(self, background: Image, what: str) -> None:
+        """Check that an image can be the background of touches by this sensor.
+
+        Args:
+            background: the image.
+            what: what it is, for the message: "its background".
+
+        Raises:
+            UserError: its size is another, it is black or saturated, or it is of another sensor.
+        """
+        self._check_size(background, what)
+        check_exposure(background, what)
+        apart = float(np.abs(coarse(background) - self.background).mean() / self.background.mean())
+        if apart > OTHER_SENSOR:
+            raise UserError(
+                f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "
+                f"'{self.sensor}', or of another light; calibrate that one"
+            )
+
     def _check_size(self, image: Image, what: str) -> None:
         if image.shape[:2] != (self.rows, self.columns):
             raise UserError(
                 f"{what} has {image.shape[1]} x {image.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
                 f"is for {self.columns} x {self.rows}: use images as the calibration had"
             )
-
-
-def check_background(calibration: Calibration, background: Image, what: str) -> None:
-    """Check that an image can be the background of a calibrated sensor.
-
-    Args:
-        calibration: calibration of the sensor.
-        background: the image.
-        what: what it is, for the message: "its background".
-
-    Raises:
-        UserError: its size is another, it is black or saturated, or it is of another sensor.
-    """
-    calibration._check_size(background, what)
-    check_exposure(background, what)
-    apart = float(np.abs(coarse(background) - calibration.background).mean() / calibration.background.mean())
-    if apart > OTHER_SENSOR:
-        raise UserError(
-            f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "
-            f"'{calibration.sensor}', or of another light; calibrate that one"
-        )
 
 
 def slopes_of(
@@ -171,15 +166,3 @@ def slopes_of(
     values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
     found[rows, columns] = polynomial.slopes(values, coefficients)
     return found, touched
-
-
-OTHER_SENSOR = 0.4
-"""Mean difference of two backgrounds' colours, as a share of their mean, above which they are of different sensors."""
-GRID = (6, 8)
-"""Rows and columns of the coarse grid of a background."""
-
-
-def coarse(background: Image) -> Float[np.ndarray, "r c 3"]:
-    """Return the mean colours of a background in a coarse grid, in steps of 0.1 as its file has them."""
-    parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(background, GRID[0], axis=0)]
-    return np.array([[part.mean((0, 1)) for part in row] for row in parts]).round(1)

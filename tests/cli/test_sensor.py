@@ -111,6 +111,7 @@ def test_from_presses_to_points_of_a_recording(folder):
     assert touch.points[:, 2].max() == pytest.approx(0.6, rel=0.1)
 
 
+@pytest.mark.slow
 def test_balls_of_several_diameters(folder):
     more = ("--press", "large", "--ball", 8, "--test", "touches", "--test-ball", 6)
     done = run(folder, *CALIBRATE, *more, *NEW)
@@ -125,6 +126,7 @@ def test_balls_of_several_diameters(folder):
     assert "fitted to 14 presses" in one.stdout
 
 
+@pytest.mark.slow
 def test_the_wrong_diameter_of_a_ball_shows(folder):
     swapped = run(folder, *CALIBRATE[:2], "--ball", 6, "--press", "large", "--ball", 6, *CALIBRATE[4:], *NEW)
     right = run(
@@ -149,7 +151,7 @@ def test_the_gel_is_that_of_the_sensor_or_of_the_option(folder):
         (("--sensor", "digit", "--dome", "flat"), None),
         (("--sensor", "mine", "--dome", "80,40.5"), (80.0, 40.5)),
     ):
-        done = run(folder, *CALIBRATE, *words, "-o", "new.json", "--overwrite")
+        done = run(folder, *CALIBRATE, *words, "--presses", 8, "-o", "new.json", "--overwrite")
         assert done.exit_code == 0, done.output
         assert Calibration.load(folder / "new.json").gel.dome == dome
         assert ("the gel flat" if dome is None else f"a dome of radii {dome[0]:g} and {dome[1]:g} mm") in done.stdout
@@ -233,6 +235,7 @@ def test_a_background_of_another_sensor_refuses_every_press(folder):
     assert said.count("it is of another sensor or light") == 12
 
 
+@pytest.mark.slow
 def test_presses_of_one_name_in_two_folders_are_two_presses(folder):
     (folder / "again").mkdir()
     for press in presses(5, seed=77):

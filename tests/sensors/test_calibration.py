@@ -7,7 +7,8 @@ import pytest
 
 from pcsr import UserError
 from pcsr.sensors import Gel
-from pcsr.sensors.calibration import GRID, coarse, slopes_of
+from pcsr.sensors.backgrounds import GRID, coarse
+from pcsr.sensors.calibration import slopes_of
 from pcsr.sensors.colour import colour_change
 from tests.sensors import domed
 from tests.sensors.synthetic import PITCH, SIZE, background, ball, calibrated, photo

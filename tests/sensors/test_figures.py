@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pcsr.sensors import Figures, PressFigures
-from pcsr.sensors.figures import summary
+from pcsr.sensors.figures import UNSEEN, summary
+from tests.sensors.synthetic import background, ball, calibrated, photo
 
 RATIOS = (0.9, 1.02, 1.0, 1.01, 1.3)
 PRESSES = [
@@ -23,10 +24,18 @@ def test_the_summary_has_medians_and_quantiles_of_sizes_of_errors():
     assert summary(PRESSES[::-1]) == found
 
 
-def test_the_expected_error_is_that_of_the_shape_at_the_face_and_grows_with_the_indentation():
+def test_the_expected_error_grows_with_the_indentation_and_has_a_shared_part():
     figures = Figures(12, 0.03, 0.06, 0.006, 0.008, 0.99, 0.05, 1.1)
-    errors = figures.errors(np.array([0.0, 0.4, 1.0, 20.0]))
-    assert errors[0] == 0.008
-    assert errors[1] == pytest.approx(np.sqrt(0.008**2 + 0.02**2))
+    errors = figures.errors(np.array([0.0, 0.4, 1.0]))
+    assert errors[0] == pytest.approx(np.sqrt(0.008**2 + UNSEEN**2))
+    assert errors[1] == pytest.approx(np.sqrt(0.008**2 + 0.02**2 + UNSEEN**2))
     assert (np.diff(errors) > 0).all()
-    assert errors[3] == pytest.approx(0.05 * 20, rel=0.001)
+    assert figures.errors(np.zeros(0)).shape == (0,)
+
+
+@pytest.mark.parametrize(("diameter", "depth"), [(6.0, 0.4), (6.0, 0.8), (20.0, 0.5), (40.0, 0.4)])
+def test_true_errors_are_of_the_size_of_the_expected_ones(diameter, depth):
+    indentation = ball(depth, diameter=diameter)
+    reading = calibrated().read(photo(indentation, 7), background())
+    true = (reading.indentation - indentation)[reading.contact]
+    assert 0.2 < np.sqrt(np.mean((true / reading.errors) ** 2)) < 2.5
