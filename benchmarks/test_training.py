@@ -14,7 +14,8 @@ from lightning_fabric import Fabric
 from training import BATCH, recipe, split
 
 from pcsr.data.batches import Batches
-from pcsr.experiments.train import _optimizer, _step, _Training
+from pcsr.experiments.optimization import optimizer_of
+from pcsr.experiments.train import _step, _Training
 from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 
@@ -28,7 +29,7 @@ def parts():
     network = build(made, registry)
     model = _Training(network, made.train.objective.build(registry, "objective"))
     batches = Batches(split(2 * BATCH), BATCH, made.touch_range, made.train.augment, made.seed)
-    return made, network, model, _optimizer(made, model), batches
+    return made, network, model, optimizer_of(made.train, network, model.objective), batches
 
 
 def test_step(benchmark, line, parts):
@@ -39,7 +40,7 @@ def test_step(benchmark, line, parts):
     wrapped, optimizer = fabric.setup(model, optimizer)
     steps = iter(range(1000))
     benchmark.pedantic(
-        lambda: _step(wrapped, optimizer, fabric, batches, next(steps), 1e-3, made.data.rate),
+        lambda: _step(wrapped, optimizer, fabric, batches.at(next(steps)), made),
         rounds=10,
         warmup_rounds=1,
     )

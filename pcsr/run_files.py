@@ -20,6 +20,11 @@ Cloud = Float[np.ndarray, "_ 3"]
 RESULTS, EXAMPLES, HISTORY = "results.json", "examples.safetensors", "metrics.jsonl"
 
 
+def snapshot_file(step: int) -> str:
+    """Return the name of the weights file that a run keeps after a step of `train.snapshots`."""
+    return f"weights-{step}.safetensors"
+
+
 @dataclass(frozen=True)
 class Example:
     """The clouds of one object, in one frame."""

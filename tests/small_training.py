@@ -57,7 +57,8 @@ def split(count: int, seed: int) -> Split:
 def trained(recipe: Recipe, run: Path, **options) -> Network:
     run.mkdir(exist_ok=True)
     fabric = Fabric(accelerator="cpu", devices=1)
-    return train(recipe, options.pop("registry", load_plugins()), split(6, 1), split(2, 2), run, fabric, **options)
+    registry = options.pop("registry", load_plugins())
+    return train(recipe, registry, split(6, 1), split(2, 2), run, fabric, **options)[0]
 
 
 def history(run: Path) -> list[dict]:

@@ -26,9 +26,10 @@ SECTIONS = {
     "shapes": "data",
     "metric": "evaluate",
     "baseline": "evaluate",
+    "logger": "train",
 }
 """Each kind of part, and the section of a recipe that names one."""
-LISTED = {"metric": "metrics", "baseline": "baselines"}
+LISTED = {"metric": "metrics", "baseline": "baselines", "logger": "loggers"}
 """Kinds that a recipe names in a list, and the key of that list."""
 
 LONGEST = 100

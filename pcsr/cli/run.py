@@ -7,14 +7,22 @@ import click
 
 from pcsr.cli.options import FILE, plugin_option, set_option
 from pcsr.cli.running import run_all, run_options
+from pcsr.errors import UserError
 
 
 @click.command()
 @click.argument("recipe", type=FILE)
 @set_option
+@click.option(
+    "--row",
+    type=click.IntRange(1),
+    default=None,
+    metavar="N",
+    help="Run only the N-th recipe of a study, counted from 1, as a job of a job array does.  [default: all]",
+)
 @plugin_option
 @run_options
-def run(recipe: Path, overrides: tuple[str, ...], registry: Any, where: dict[str, Any]) -> None:
+def run(recipe: Path, overrides: tuple[str, ...], row: int | None, registry: Any, where: dict[str, Any]) -> None:
     """Train and evaluate a recipe, or compare several.
 
     Writes the weights, the results and a report to a run folder. Finished work is not repeated: training goes on from
@@ -25,4 +33,9 @@ def run(recipe: Path, overrides: tuple[str, ...], registry: Any, where: dict[str
     """
     from pcsr.recipe import load
 
-    run_all(load(recipe, registry, overrides), registry, where, recipe.stem)
+    recipes = load(recipe, registry, overrides)
+    if row is not None:
+        if row > len(recipes):
+            raise UserError(f"--row {row}: {recipe} has {len(recipes)} runs: give a number from 1 to {len(recipes)}")
+        recipes = [recipes[row - 1]]
+    run_all(recipes, registry, where, recipe.stem)

@@ -9,10 +9,11 @@ encoder (TAPSR, Sec. 3.1, Fig. 1)::
 
 `pcsr.contracts.network` holds the four kinds of network part and `Objective`, which trains a network;
 `pcsr.contracts.sources` the two kinds that build data; `pcsr.contracts.evaluation` metrics and baselines;
-`pcsr.contracts.part` what all kinds have in common.
+`pcsr.contracts.logger` what records a training; `pcsr.contracts.part` what all kinds have in common.
 """
 
 from pcsr.contracts.evaluation import Baseline, Metric
+from pcsr.contracts.logger import Logger
 from pcsr.contracts.network import Backbone, Encoder, Fusion, Objective, Upsampler, UpsamplingNetwork
 from pcsr.contracts.part import Part, Trait, Widths
 from pcsr.contracts.sources import SPLITS, ShapeItem, ShapeSource, TouchSource
@@ -24,6 +25,7 @@ __all__ = [
     "Baseline",
     "Encoder",
     "Fusion",
+    "Logger",
     "Metric",
     "Objective",
     "Part",

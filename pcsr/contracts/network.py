@@ -68,9 +68,9 @@ class Fusion(nn.Module, Part):
     uses_touch_features: ClassVar[bool] = True
     """Whether the fusion uses touch features. If False, the network has no touch encoder, and `forward` is not
     called."""
-    keeps_touched_points: ClassVar[bool] = False
+    keeps_touched_points: bool = False
     """Whether touched points become part of the dense cloud. If True, the host inserts them after the upsampler, and
-    drops generated points that lie closer to them than the cloud's spacing."""
+    drops generated points that lie closer to them than the cloud's spacing. An instance may differ from its class."""
 
     def forward(self, points: Points, features: Features, touches: TouchBatch) -> Features:
         """Fuse touches with visual features.

@@ -69,7 +69,7 @@ class Batches:
     """Names of augmentations. `redraw` samples the sparse cloud again from the truth; with `even`, half of the samples
     are evenly spaced. `crop` replaces some batches by halves of objects without touches, so that surfaces have borders
     as in a scan. `rotate`, `scale` and `jitter` transform the clouds. `noise` adds more noise to some; `uneven` lets
-    the density of some vary."""
+    the density of some vary. `other-touches` gives each object the touches of another one."""
     seed: int
     patches: Patches | None = None
     """Size of patches. With patches a row is one patch of an object, and its sparse cloud is sampled from the truth."""
@@ -114,6 +114,10 @@ class Batches:
         away: Tensor = (truth - middle).norm(dim=1)
         return truth[away.topk(patches.points * patches.rate, largest=False).indices]
 
+    def _other(self, item: int, rng: np.random.Generator) -> int:
+        """Draw another object; of a single one, that one."""
+        return (item + int(rng.integers(1, max(2, len(self.split))))) % len(self.split)
+
     def _cropped(self, truth: Tensor, points: Tensor, drawn: bool, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         """Keep half of the truth and half of the cloud: one side of both, if the cloud was sampled from the truth."""
         if not drawn:
@@ -129,7 +133,7 @@ class Batches:
     ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         truth = self.split.truth[item]
         points = self.split.points[item]
-        touched = self.split.touches[item]
+        touched = self.split.touches[self._other(item, rng) if "other-touches" in self.augment else item]
         drawn = _is_part(points, truth)
         if self.patches:
             touched = touched[torch.from_numpy(rng.permutation(len(touched))[:count])]

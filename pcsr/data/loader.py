@@ -17,7 +17,7 @@ from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.progress import progress_bars
 from pcsr.recipe import Patches, load
-from pcsr.recipe.schema import Augmentation, Train
+from pcsr.recipe.train_section import Augmentation, Train
 from pcsr.tensors import Points, TouchMask, TouchPoints
 
 DEFAULT_AUGMENT: tuple[str, ...] = Train.model_fields["augment"].default

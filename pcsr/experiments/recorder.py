@@ -1,24 +1,32 @@
-"""The files that training writes to a run folder: a history, and a checkpoint from which it can be resumed."""
+"""What a training records: logged values, validation errors, averages, and checkpoints to resume from."""
 
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from torch import nn
 
 from pcsr.data.dataset import Split
 from pcsr.errors import RunError
-from pcsr.experiments.history import History
-from pcsr.experiments.train_state import load_training, save_training
+from pcsr.experiments.early_stopping import EarlyStopping
+from pcsr.experiments.history import LOSS, VALIDATION
+from pcsr.experiments.loggers import Loggers
+from pcsr.experiments.train_state import Stateful, load_training, save_training
+from pcsr.experiments.weight_average import WeightAverage
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.kinds import AnyNetwork
 from pcsr.recipe import Recipe
-from pcsr.run_files import HISTORY
 from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_plainly
 from pcsr.weights.file import read_file
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 CHECKPOINT = "checkpoint.safetensors"
 WATCHED = 16
@@ -40,7 +48,7 @@ class Progress:
 
 
 class Recorder:
-    """Writes the history, the validation errors and the checkpoints of a training run.
+    """Logs the steps and the validation errors of a training run, and keeps its averages and checkpoints.
 
     With several processes each has a recorder, and only the first one writes.
     """
@@ -51,52 +59,71 @@ class Recorder:
         network: AnyNetwork,
         validation: Split,
         run: Path,
+        fabric: "Fabric",
+        loggers: Loggers,
         *,
         per_epoch: int,
         data_fingerprint: str | None,
-        writes: bool,
     ) -> None:
         """Create a recorder.
 
         Args:
             recipe: of the network.
-            network: is measured ten times in a run.
+            network: network that is trained.
             validation: objects on which it is measured; at most `WATCHED` of them are.
             run: folder of the files.
+            fabric: launched; determines which process writes.
+            loggers: loggers of the first process.
             per_epoch: steps in an epoch.
             data_fingerprint: of the training data. None: a checkpoint of any data is resumed.
-            writes: whether this process is the first one.
         """
-        self.recipe, self.network = recipe, network
+        train = recipe.train
+        self.recipe, self.trained, self.run, self.loggers = recipe, network, run, loggers
         self.watched = validation.spread(min(WATCHED, len(validation)))
-        self.checkpoint, self.history = run / CHECKPOINT, History(run / HISTORY)
-        self.per_epoch, self.steps = per_epoch, recipe.train.epochs * per_epoch
-        self.every = max(1, recipe.train.epochs // 10) * per_epoch
-        self.data_fingerprint, self.writes = data_fingerprint, writes
+        self.checkpoint = run / CHECKPOINT
+        self.per_epoch, self.steps = per_epoch, train.epochs * per_epoch
+        self.every = (train.validate_every or max(1, train.epochs // 10)) * per_epoch
+        self.data_fingerprint, self.fabric, self.writes = data_fingerprint, fabric, fabric.is_global_zero
+        self.average = WeightAverage(network, train.average, train.epochs, per_epoch) if train.average else None
+        self.stopping = EarlyStopping(train.patience) if train.patience else None
+        states: dict[str, Stateful | None] = {"stopping": self.stopping}
+        states["average"] = self.average.model if self.average else None
+        self.others = {name: state for name, state in states.items() if state is not None}
         self.step, self.threads = 0, 0
-        self.seconds_before = 0.0
+        self.seconds = self.seconds_before = 0.0
+        self.validation: dict[str, float] = {}
 
     def resume(self, model: nn.Module, optimizer: torch.optim.Optimizer, threads: int) -> int:
-        """Load the checkpoint, if there is one of the same data, and remove later steps from the history.
+        """Load the checkpoint, if there is one of the same data.
 
         Returns:
             The number of threads that the checkpoint was computed with, or `threads` without one. Another number
             rounds sums differently.
         """
         if self.checkpoint.exists() and _is_of(self.checkpoint, self.data_fingerprint):
-            about = load_training(self.checkpoint, model, optimizer)
-            self.step, self.seconds_before = about["step"], about["seconds"]
+            about = load_training(self.checkpoint, model, optimizer, self.others)
+            self.step, self.seconds, self.seconds_before = about["step"], about["seconds"], about["seconds"]
+            self.validation = about.get("validation", {})
             threads = about.get("threads", threads)
-        self.history.cut(self.step)
+        self.threads = threads
         return threads
 
-    def start(self, model: nn.Module, optimizer: torch.optim.Optimizer, threads: int) -> None:
-        """Start the clock. `model` and `optimizer` are what checkpoints contain."""
+    @contextmanager
+    def running(self, model: nn.Module, optimizer: torch.optim.Optimizer, threads: int) -> Iterator[None]:
+        """Start the clock and the loggers. `model` and `optimizer` are what checkpoints contain."""
         self.model, self.optimizer, self.threads = model, optimizer, threads
+        if self.average is not None:
+            self.average.model.to(self.fabric.device)
         self.started = self.saved = time.monotonic()
+        with self.loggers.running(self.run, self.recipe, self.step):
+            yield
 
-    def add(self, losses: dict[str, float], lr: float) -> Progress:
+    def add(self, losses: dict[str, float], values: dict[str, float]) -> Progress:
         """Record a step, and measure the network where validation is due.
+
+        Args:
+            losses: losses of the step by name.
+            values: further values of the step to log.
 
         Raises:
             RunError: the loss is not finite.
@@ -108,16 +135,49 @@ class Recorder:
                 f"the loss is {total} at step {self.step} of {self.steps} ({losses}): lower train.learning_rate, or "
                 f"look into the parts; the checkpoint before it is kept in {self.checkpoint}"
             )
+        if self.average is not None:
+            self.average.add(self.trained, self.step)
         seconds = time.monotonic() - self.started
-        if self.writes:
-            epoch = self.step // self.per_epoch
-            line = {"step": self.step, "epoch": epoch, "loss": total, "losses": losses, "rate": lr}
-            spent = round(self.seconds_before + seconds, 2)
-            self.history.add({**line, "seconds": spent, "threads": self.threads})
-            if self.step % self.every == 0 or self.step == self.steps:
-                error = validate(self.network, self.watched, self.recipe)
-                self.history.add({"epoch": epoch, "step": self.step, "validation": {"cd": error}})
+        self.seconds = round(self.seconds_before + seconds, 2)
+        epoch = self.step // self.per_epoch
+        named = {f"{LOSS}{name}": loss for name, loss in losses.items()}
+        clock = {"seconds": self.seconds, "threads": self.threads}
+        self.loggers.log(self.step, {"epoch": epoch, "loss": total, **named, **values, **clock})
+        if self.step % self.every == 0 or self.step == self.steps:
+            self._validate(epoch)
         return Progress(self.step, self.steps, total, seconds)
+
+    def _validate(self, epoch: int) -> None:
+        """Measure the network in the first process."""
+        error = validate(self.network, self.watched, self.recipe) if self.writes else 0.0
+        self.loggers.log(self.step, {"epoch": epoch, f"{VALIDATION}cd": error})
+        if self.stopping is not None:
+            self.stopping.add(self.fabric.broadcast(error), self.step, self.network)
+            error = self.stopping.lowest
+        self.validation = {"cd": error}
+
+    @property
+    def network(self) -> AnyNetwork:
+        """Network with the averaged weights, or the trained one where none are averaged yet."""
+        averaged = self.average.network if self.average is not None else None
+        return self.trained if averaged is None else cast(AnyNetwork, averaged)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the training has ended before all of its epochs."""
+        return self.stopping is not None and self.stopping.due
+
+    def result(self) -> AnyNetwork:
+        """Return the network with the weights that are kept, in `eval` mode."""
+        if self.stopping is not None:
+            self.stopping.restore(self.network)
+        return self.network.eval()
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results say of the training up to here: fields of `pcsr.results.Training`."""
+        best = {"best_step": self.stopping.step} if self.stopping is not None else {}
+        about = {"seconds": self.seconds, "steps": self.step, "threads": self.threads, "validation": self.validation}
+        return {**about, **best, "device": f"{self.fabric.world_size} x {self.fabric.device.type}"}
 
     def save(self, every: float = 0.0) -> None:
         """Write a checkpoint, unless the last one is younger than `every` seconds."""
@@ -129,9 +189,10 @@ class Recorder:
                 "step": self.step,
                 "seconds": self.seconds_before + now - self.started,
                 "threads": self.threads,
+                "validation": self.validation,
                 "data_fingerprint": self.data_fingerprint,
             }
-            save_training(self.checkpoint, self.model, self.optimizer, about)
+            save_training(self.checkpoint, self.model, self.optimizer, about, self.others)
         self.saved = time.monotonic()
 
 

@@ -45,6 +45,8 @@ def packages(recipe: Recipe, registry: Registry, options: RunOptions) -> dict[st
             needed |= dict.fromkeys(sorted(registry.get(kind, name).needs), f"{kind} '{name}'")
     if recipe.weights is None:
         needed |= recipe.train.objective.needs(registry, "objective")
+        for logger in recipe.train.loggers:
+            needed |= logger.needs(registry, "logger")
     if not options.data:
         needed |= data_packages(recipe, registry)
     elif recipe.measured_on_meshes(registry):

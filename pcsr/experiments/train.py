@@ -1,4 +1,4 @@
-"""Training: batches, objective, Adam, and a learning rate that decays in steps (TAPSR, Sec. 4.2.2).
+"""Training: batches, objective, optimizer, and a learning rate that falls (TAPSR, Sec. 4.2.2).
 
 Lightning Fabric runs it on one CPU as on several processes, nodes or GPUs, and in mixed precision.
 """
@@ -18,6 +18,8 @@ from pcsr.data.batches import Batch, Batches, usable
 from pcsr.data.dataset import Split
 from pcsr.data.loading import LOADERS, prepared
 from pcsr.errors import UserError
+from pcsr.experiments.loggers import Loggers
+from pcsr.experiments.optimization import learning_rate, optimizer_of, set_learning_rate
 from pcsr.experiments.recorder import Progress, Recorder
 from pcsr.files import sha256
 from pcsr.grafting.from_recipe import load_state
@@ -26,7 +28,8 @@ from pcsr.network.build import build
 from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
-from pcsr.recipe.schema import GraftedModel, Weights
+from pcsr.recipe.schema import GraftedModel
+from pcsr.recipe.train_section import Weights
 from pcsr.threads import thread_count, threads
 from pcsr.weights.file import read_file
 from pcsr.weights.find import find
@@ -62,63 +65,79 @@ def train(
     fabric: "Fabric",
     *,
     shown: Callable[[Progress], None] = lambda progress: None,
+    kept: Callable[[AnyNetwork, int, dict[str, Any]], object] = lambda network, step, training: None,
     checkpoint_every: float = 60.0,
     loaders: int = LOADERS,
     data_fingerprint: str | None = None,
-) -> AnyNetwork:
+) -> tuple[AnyNetwork, dict[str, Any]]:
     """Train the network of a recipe, from the last checkpoint in `run` if there is one of the same data.
 
     Args:
         recipe: the resolved recipe.
         registry: of the parts.
         data: training split.
-        validation: validation split; some of it is measured ten times during training.
-        run: folder of the checkpoint and of `metrics.jsonl`.
+        validation: validation split; some of it is measured during training.
+        run: folder of the checkpoint and of the loggers' files.
         fabric: launched; determines device, number of processes and precision.
         shown: called after each step.
+        kept: called with the network, the step and the fields of `pcsr.results.Training` up to it after each step of
+            `train.snapshots`, in the first process.
         checkpoint_every: seconds between checkpoints.
         loaders: number of processes that make batches for a GPU.
         data_fingerprint: of the data; a checkpoint of other data is ignored. None: a checkpoint of any data is resumed.
 
     Returns:
-        The trained network in `eval` mode. The checkpoint stays in `run`.
+        The trained network in `eval` mode, and the fields of `pcsr.results.Training` without the origin. The
+        checkpoint stays in `run`.
 
     Raises:
         KeyboardInterrupt: the process was interrupted; a checkpoint of the last step is written first.
         RunError: the loss is not finite.
-        UserError: the processes cannot share a batch equally.
+        UserError: the processes cannot share a batch equally, or training ends before a step of `train.snapshots`.
     """
     batches = _batches(recipe, data, fabric.world_size)
     model = _model(recipe, registry)
-    optimizer = _optimizer(recipe, model)
+    optimizer = optimizer_of(recipe.train, model.network, model.objective)
+    loggers = Loggers(recipe.train.loggers if fabric.is_global_zero else (), registry)
     recorder = Recorder(
         recipe,
         model.network,
         validation,
         run,
+        fabric,
+        loggers,
         per_epoch=batches.per_epoch,
         data_fingerprint=data_fingerprint,
-        writes=fabric.is_global_zero,
     )
+    last = max(recipe.train.snapshots, default=0)
+    if last > recorder.steps:
+        raise UserError(
+            f"train.snapshots names step {last}, and training ends after {recorder.steps} steps ({recipe.train.epochs} "
+            f"epochs of {batches.per_epoch}): raise train.epochs, or leave the step out"
+        )
     share = batches.size // fabric.world_size * recipe.network_points
     count = recorder.resume(model, optimizer, thread_count(share, model.network.parameter_count))
     wrapped, optimizer = fabric.setup(model, optimizer)
-    with _stoppable() as stop, threads(count) as used:
-        recorder.start(model, optimizer, used)
+    with _stoppable() as stop, threads(count) as used, recorder.running(model, optimizer, used):
         ahead = 0 if fabric.device.type == "cpu" else loaders
-        steps = range(recorder.step, recorder.steps)
+        steps = range(recorder.step, recorder.step if recorder.stopped else recorder.steps)
         for batch in prepared(batches, steps, ahead, fabric.global_rank, fabric.world_size):
-            lr = learning_rate(recipe, recorder.step // batches.per_epoch)
-            losses = _step(wrapped, optimizer, fabric, batch, lr, recipe.network_rate)
-            progress = recorder.add(losses, lr)
+            rate = learning_rate(recipe.train, recorder.step, batches.per_epoch)
+            set_learning_rate(optimizer, rate)
+            losses, norm = _step(wrapped, optimizer, fabric, batch, recipe)
+            progress = recorder.add(losses, {"learning_rate": rate, **norm})
             if fabric.is_global_zero:
                 shown(progress)
+                if progress.step in recipe.train.snapshots:
+                    kept(recorder.network, progress.step, recorder.summary())
             if _any_process(stop.is_set(), fabric):
                 recorder.save()
                 raise KeyboardInterrupt
+            if recorder.stopped:
+                break
             recorder.save(checkpoint_every)
         recorder.save()
-    return model.network.eval()
+    return recorder.result(), recorder.summary()
 
 
 def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
@@ -173,40 +192,32 @@ def _start(weights: Weights) -> tuple[dict[str, torch.Tensor], Path]:
     return read_file(path)[0], path
 
 
-def _step(model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, lr: float, rate: int) -> dict[str, float]:
-    """Run an optimizer step of all processes, and return the losses of the whole batch."""
-    for group in optimizer.param_groups:
-        group["lr"] = lr * group["lr_multiplier"]
+def _step(
+    model: Any, optimizer: Any, fabric: "Fabric", batch: Batch, recipe: Recipe
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Run an optimizer step of all processes.
+
+    Returns:
+        The losses of the whole batch, and the norm of the gradient if it is limited.
+    """
     tensors = (batch.points, batch.truth, batch.touches.points, batch.touches.mask)
-    losses = model(*(fabric.to_device(tensor) for tensor in tensors), rate)
+    losses = model(*(fabric.to_device(tensor) for tensor in tensors), recipe.network_rate)
     optimizer.zero_grad()
     total = sum(losses.values())
     if torch.is_tensor(total) and total.requires_grad:  # not in a batch without touches, of a frozen network
         fabric.backward(total)
+    norm = {}
+    if recipe.train.clip_norm is not None:
+        # A norm that is not finite makes the next loss so, which ends the training with a message.
+        clipped = fabric.clip_gradients(model, optimizer, max_norm=recipe.train.clip_norm, error_if_nonfinite=False)
+        norm = {"gradient_norm": float(clipped)}  # type: ignore[arg-type]  # None for other strategies
     optimizer.step()
     # The shares of the processes are equal, so that the mean of their means is the mean of the batch.
     means: dict[str, torch.Tensor] = {
         name: fabric.all_reduce(loss.detach(), reduce_op="mean")  # type: ignore[misc]
         for name, loss in losses.items()
     }
-    return {name: float(mean) for name, mean in means.items()}
-
-
-def learning_rate(recipe: Recipe, epoch: int) -> float:
-    """Return the learning rate of an epoch, which is multiplied by `decay` every `decay_every` epochs."""
-    settings = recipe.train
-    every = settings.decay_every or max(1, settings.epochs // 10)
-    return float(settings.learning_rate * settings.decay ** (epoch // every))
-
-
-def _optimizer(recipe: Recipe, model: _Training) -> torch.optim.Optimizer:
-    kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-    trained = [weight for weight in model.network.parameters() if weight.requires_grad]
-    groups = [{"params": trained, "lr_multiplier": 1.0}]
-    if own := list(model.objective.parameters()):
-        groups.append({"params": own, "lr_multiplier": model.objective.lr_multiplier})
-    optimizer: torch.optim.Optimizer = kinds[recipe.train.optimizer](groups, lr=recipe.train.learning_rate)
-    return optimizer
+    return {name: float(mean) for name, mean in means.items()}, norm
 
 
 def _any_process(stopped: bool, fabric: "Fabric") -> bool:

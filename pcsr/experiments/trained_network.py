@@ -27,7 +27,7 @@ from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
-from pcsr.run_files import HISTORY
+from pcsr.run_files import snapshot_file
 from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
@@ -99,8 +99,14 @@ def trained(
         epochs = f"{recipe.train.epochs} epochs"
         doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
         progress.console.print(f"{why}: {doing}")
+    card = _card(recipe, fingerprint, options)
+
+    def save(file: Path, network: AnyNetwork, training: dict[str, Any]) -> None:
+        graft = {"graft": described(network)} if isinstance(network, GraftedNetwork) else {}
+        save_weights(file, network, {**card, **graft, "training": training}, registry)
+
     task = progress.add_task("training", total=None)
-    network = train(
+    network, training = train(
         recipe,
         registry,
         train_data,
@@ -110,33 +116,42 @@ def trained(
         shown=lambda p: progress.update(
             task, total=p.steps, completed=p.step, description=f"training, loss {1e3 * p.loss:.3f} ×10⁻³"
         ),
+        kept=lambda network, step, so_far: save(training_folder / snapshot_file(step), network, so_far),
         loaders=max(1, options.jobs // fabric.world_size) if options.jobs else LOADERS,
         data_fingerprint=fingerprint,
     )
     if not fabric.is_global_zero:  # the first process writes the history, and may still be writing
         return network, {}
-    training = _training(training_folder, fabric)
+    if "best_step" in training:
+        text = f"training ended after step {training['steps']}; the weights kept are those of step"
+        progress.console.print(f"{text} {training['best_step']}, with the lowest validation error")
+    save(folder / WEIGHTS, network, training)
+    if options.retrain:
+        (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
+        for path in training_folder.iterdir():
+            target = folder / path.name
+            if target.is_dir():
+                shutil.rmtree(target)
+            path.replace(target)
+        training_folder.rmdir()
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    return network, {**training, "source": "trained by this run"}
+
+
+def _card(recipe: Recipe, fingerprint: str, options: RunOptions) -> dict[str, Any]:
+    """Return the card of weights without its fields `training` and `graft`."""
     card: dict[str, Any] = {
         "name": recipe.name,
         "fingerprint": recipe.fingerprint,
         "data_fingerprint": fingerprint,
         "recipe": recipe.resolved(),
         "version": pcsr.__version__,
-        "training": training,
     }
     if recipe.code:
         card["settings_fingerprint"] = recipe.settings_fingerprint
-    if isinstance(network, GraftedNetwork):
-        card["graft"] = described(network)
     if options.data:
         card["data"] = BuiltData.read(options.data).card()
-    save_weights(folder / WEIGHTS, network, card, registry)
-    if options.retrain:
-        write_text(folder / HISTORY, (training_folder / HISTORY).read_text(encoding="utf-8"))
-        (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
-        shutil.rmtree(training_folder)
-    (folder / CHECKPOINT).unlink(missing_ok=True)
-    return network, {**training, "source": "trained by this run"}
+    return card
 
 
 def _kept(
@@ -178,17 +193,3 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
     marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
     training = card.get("training")
     return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
-
-
-def _training(folder: Path, fabric: "Fabric") -> dict[str, Any]:
-    """Read the fields of `pcsr.results.Training` from the history of a finished training run."""
-    lines = [json.loads(line) for line in (folder / HISTORY).read_text(encoding="utf-8").splitlines()]
-    steps = [line for line in lines if "loss" in line]
-    checks = [line["validation"] for line in lines if "validation" in line]
-    return {
-        "seconds": steps[-1]["seconds"],
-        "steps": steps[-1]["step"],
-        "device": f"{fabric.world_size} x {fabric.device.type}",
-        "threads": steps[-1].get("threads"),
-        "validation": checks[-1] if checks else {},
-    }

@@ -14,7 +14,7 @@ from pcsr.grafting.parts import build_parts, try_parts
 from pcsr.grafting.probe import Question, probe_layer
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.schema import Layout, PointsLayout
+from pcsr.recipe.graft_section import Layout, PointsLayout
 
 SomeGrafted = TypeVar("SomeGrafted", bound=Grafted)
 

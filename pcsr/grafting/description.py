@@ -5,8 +5,8 @@ from typing import Any, get_args
 
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import InjectionPoint, Order, SeenPoints
+from pcsr.recipe.graft_section import Layout, PointsLayout
 from pcsr.recipe.old_names import modern_part
-from pcsr.recipe.schema import Layout, PointsLayout
 
 WIDEST = 10**6
 """Largest number of channels of a grafted layer."""

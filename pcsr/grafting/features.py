@@ -5,7 +5,7 @@ from typing import Any
 
 from pcsr.errors import UserError
 from pcsr.grafting.observation import Observation, Shape
-from pcsr.recipe.schema import Layout
+from pcsr.recipe.graft_section import Layout
 
 MOST_FEATURES = 64
 """Largest number of features for each input point."""

@@ -21,7 +21,8 @@ from pcsr.plugins.guard import guarded
 from pcsr.plugins.networks import find_network
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import PartSpec, Recipe
-from pcsr.recipe.schema import Graft, Weights
+from pcsr.recipe.graft_section import Graft
+from pcsr.recipe.train_section import Weights
 from pcsr.validation_messages import shown
 from pcsr.weights.fit import fill
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pcsr.errors import UserError
-from pcsr.recipe.schema import Layout, PointsLayout
+from pcsr.recipe.graft_section import Layout, PointsLayout
 
 Order = Literal["interleaved", "tiled"]
 

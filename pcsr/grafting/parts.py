@@ -14,7 +14,8 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.observation import one_line, quiet
 from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.schema import PartSpec, options_model
+from pcsr.recipe.schema import options_model
+from pcsr.recipe.section import PartSpec
 from pcsr.validation_messages import described
 
 

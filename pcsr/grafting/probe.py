@@ -14,7 +14,7 @@ from pcsr.grafting.features import check_calls, find_features, hint
 from pcsr.grafting.injection_point import InjectionPoint, channel_axis, check_output, with_points
 from pcsr.grafting.layer_points import find_points
 from pcsr.grafting.observation import NotRunError, Observation, Shape, observe, tensor_like
-from pcsr.recipe.schema import Layout, PointsLayout
+from pcsr.recipe.graft_section import Layout, PointsLayout
 
 Probe = int | Sequence[int] | Tensor
 

@@ -24,6 +24,7 @@ KINDS = {
     "shapes": "ShapeSource",
     "metric": "Metric",
     "baseline": "Baseline",
+    "logger": "Logger",
 }
 """Kinds of parts, each with the name of its class in `pcsr.contracts`; that module imports torch, this one does not."""
 FIRST_PARTY = "pcsr"
@@ -204,6 +205,7 @@ class Register:
         ...     register.shapes("my-shapes", "my_package.parts:MyShapes")
         ...     register.metric("my-metric", "my_package.parts:MyMetric")
         ...     register.baseline("my-baseline", "my_package.parts:MyBaseline")
+        ...     register.logger("my-logger", "my_package.parts:MyLogger")
     """
 
     registry: Registry
@@ -248,3 +250,7 @@ class Register:
     def baseline(self, name: str, part: type | str) -> None:
         """Register a baseline."""
         self._add("baseline", name, part)
+
+    def logger(self, name: str, part: type | str) -> None:
+        """Register a logger."""
+        self._add("logger", name, part)

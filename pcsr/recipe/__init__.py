@@ -9,7 +9,8 @@ from pcsr.recipe.check import check, check_card
 from pcsr.recipe.compose import compose, override_key
 from pcsr.recipe.part_keys import DATA, MODEL, PARTS
 from pcsr.recipe.pretrained import check_with_weights
-from pcsr.recipe.schema import Data, PartSpec, Patches, Recipe, Registration, View
+from pcsr.recipe.schema import Data, Patches, Recipe, Registration, View
+from pcsr.recipe.section import PartSpec
 from pcsr.recipe.source import MOST_LISTED, Keys, Location, Mistake, RecipeError, Source
 from pcsr.recipes import found
 

@@ -3,27 +3,25 @@
 import copy
 import json
 from collections.abc import Callable, Collection
-from typing import Any, get_args
+from typing import Any, TypeGuard, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.graft import NETWORK_PART, graft_mistakes, network_code, network_mistakes
+from pcsr.recipe.contradictions import contradictions
+from pcsr.recipe.graft import NETWORK_PART, network_code, network_mistakes
 from pcsr.recipe.merge import merge
 from pcsr.recipe.old_names import KEYS, modernize
-from pcsr.recipe.part_keys import MODEL, NAMES, NETWORK_KEYS, PARTS, is_graft, owner_of
+from pcsr.recipe.optimizers import optimizer_options
+from pcsr.recipe.part_keys import MODEL, NAMES, NETWORK_KEYS, PART_LISTS, PARTS, is_graft, owner_of
 from pcsr.recipe.schema import (
     DEFAULTS,
     GRAFT_DEFAULTS,
     GRAFT_TAG,
-    MOST_RAYS,
-    MOST_TRUTH,
     PARTS_TAG,
     Evaluate,
-    GraftedModel,
     Model,
-    Patches,
     Recipe,
     options_model,
 )
@@ -53,6 +51,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     modernize(source)
     data = source.data
     mistakes: list[Mistake] = []
+    trains = ("train", "objective") in parts
     for keys, kind in PARTS.items():
         section, key = owner_of(data, keys), str(keys[-1])
         if section is not None and key in section and not (key == "touch_encoder" and section[key] is None):
@@ -60,9 +59,11 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
             if keys in parts or not _is_part(written):
                 section[key] = _part(source, registry, keys, kind, written, mistakes)
             else:
-                section[key] = {"use": written["use"], "options": _options(written)}
+                section[key] = _unchecked(written)
     if is_graft(data) and NETWORK_PART in parts:
         mistakes += network_mistakes(source, registry)
+    if isinstance(data.get("train"), dict):
+        _check_training(source, registry, data["train"], trains, mistakes)
     data["code"] = _code(data, registry, parts)
     if set(parts) == PARTS.keys():
         mistakes += _unknown_names(source, registry)
@@ -75,7 +76,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     unread = {mistake.location for mistake in source.mistakes}
     mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.location not in unread)]
     if recipe is not None and not mistakes:
-        mistakes = _contradictions(source, recipe, registry)
+        mistakes = contradictions(source, recipe, registry, trains=trains)
     if mistakes or recipe is None:
         raise RecipeError(mistakes)
     return recipe
@@ -112,19 +113,66 @@ def _with_defaults(source: Source) -> Source:
     return merge(Source(defaults, {(): source.values[()]}), source)
 
 
+def _check_training(
+    source: Source, registry: Registry, train: dict[str, Any], trains: bool, mistakes: list[Mistake]
+) -> None:
+    """Replace the loggers and the optimizer of `train` by their specifications, in place.
+
+    Args:
+        source: the whole recipe.
+        registry: installed parts.
+        train: section of the recipe.
+        trains: whether the recipe is trained. If it is not, names and options are not checked.
+        mistakes: list to which mistakes are added.
+    """
+    for keys, kind in PART_LISTS.items():
+        parts = train.get(str(keys[1]))
+        if isinstance(parts, list):
+            train[str(keys[1])] = [
+                _part(source, registry, (*keys, index), kind, part, mistakes) if trains else _unchecked(part)
+                for index, part in enumerate(parts)
+            ]
+    optimizer = train.get("optimizer")
+    if trains and _is_part(optimizer):
+        checked = _spec(source, ("train", "optimizer"), "optimizer", optimizer, mistakes, optimizer_options)
+        # Only options that are given belong to the recipe, since other versions of torch may have further ones.
+        options = {key: value for key, value in checked["options"].items() if key in optimizer}
+        train["optimizer"] = {**checked, "options": options}
+    elif optimizer is not None:
+        train["optimizer"] = _unchecked(optimizer)
+
+
+def _unchecked(written: Any) -> Any:
+    """Return the specification of a part whose options are not checked; anything else as it is."""
+    return {"use": written["use"], "options": _options(written)} if _is_part(written) else written
+
+
 def _part(
     source: Source, registry: Registry, keys: Keys, kind: str, written: Any, mistakes: list[Mistake]
 ) -> dict[str, Any]:
     """Return the specification of a part with all its options; add its mistakes to `mistakes`."""
-    blank = {"use": "", "options": {}}
     if not _is_part(written):
         example = next(iter(registry.names(kind)), "name")
-        text = f"{'.'.join(map(str, keys))}: name the part, as `{keys[-1]}: {example}` or with `use:`"
+        key = "-" if isinstance(keys[-1], int) else f"{keys[-1]}:"
+        text = f"{'.'.join(map(str, keys))}: name the part, as `{key} {example}` or with `use:`"
         mistakes.append(Mistake(source.location(keys), text))
-        return blank
+        return {"use": "", "options": {}}
+    return _spec(source, keys, kind, written, mistakes, lambda name: options_model(registry.get(kind, name)))
+
+
+def _spec(
+    source: Source,
+    keys: Keys,
+    kind: str,
+    written: dict[str, Any],
+    mistakes: list[Mistake],
+    model_of: Callable[[str], type[BaseModel]],
+) -> dict[str, Any]:
+    """Return the specification of what is named with `use`, with all options; add its mistakes to `mistakes`."""
+    blank = {"use": "", "options": {}}
     name = written["use"]
     try:
-        model = options_model(registry.get(kind, name))
+        model = model_of(name)
     except UserError as error:
         mistakes.append(Mistake(source.location((*keys, "use")), str(error)))
         return blank
@@ -167,7 +215,7 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
     return code
 
 
-def _is_part(written: Any) -> bool:
+def _is_part(written: Any) -> TypeGuard[dict[str, Any]]:
     return isinstance(written, dict) and isinstance(written.get("use"), str)
 
 
@@ -239,31 +287,6 @@ def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
     return [*(field for one in models for field in one.model_fields), *extra]
 
 
-def _contradictions(source: Source, recipe: Recipe, registry: Registry) -> list[Mistake]:
-    """List the values that are valid by themselves but contradict each other."""
-    found = []
-    low, high = recipe.touch_range
-    if low > high:
-        text = f"train.touches: the minimum, {low}, is more than the maximum, {high}: swap them"
-        found.append(Mistake(source.location(("train", "touches")), text))
-    for section, key in (("train", "augment"), ("evaluate", "metrics"), ("evaluate", "baselines")):
-        names = getattr(getattr(recipe, section), key)
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                text = f"{section}.{key}: '{name}' is listed twice: remove one of the two"
-                found.append(Mistake(source.location((section, key, index)), text))
-    found += _too_large(source, recipe)
-    if recipe.patches:
-        found += _patch_mistakes(source, recipe, recipe.patches)
-    if isinstance(recipe.model, GraftedModel):
-        return found + graft_mistakes(source, recipe, recipe.model.graft)
-    fusion = recipe.model.fusion.use
-    if recipe.model.touch_encoder is not None and not registry.get("fusion", fusion).uses_touch_features:
-        text = f"fusion '{fusion}' uses no touch features, so a touch_encoder has no effect: remove it"
-        found.append(Mistake(source.location(("model", "touch_encoder")), text))
-    return found
-
-
 def _unknown_names(source: Source, registry: Registry) -> list[Mistake]:
     """List the metrics and baselines that are not registered or cannot be loaded."""
     found = []
@@ -276,42 +299,4 @@ def _unknown_names(source: Source, registry: Registry) -> list[Mistake]:
                     registry.get(kind, name)
             except UserError as error:
                 found.append(Mistake(source.location((section, key, index)), f"{section}.{key}.{index}: {error}"))
-    return found
-
-
-def _too_large(source: Source, recipe: Recipe) -> list[Mistake]:
-    """List the sizes of the data whose product exceeds a limit."""
-    data, view, found = recipe.data, recipe.data.view, []
-    truth, rays = data.points * data.rate, view.cameras * view.pixels**2
-    if truth > MOST_TRUTH:
-        text = f"data.points × data.rate are {truth} points of an object, more than {MOST_TRUTH}: lower one of them"
-        found.append(Mistake(source.location(("data", "points")), text))
-    if rays > MOST_RAYS:
-        text = (
-            f"data.view: {view.cameras} cameras of {view.pixels} × {view.pixels} pixels are {rays} rays, "
-            f"more than {MOST_RAYS}: lower cameras or pixels"
-        )
-        found.append(Mistake(source.location(("data", "view")), text))
-    return found
-
-
-def _patch_mistakes(source: Source, recipe: Recipe, patches: Patches) -> list[Mistake]:
-    """List the mistakes in the section `patches`, which depend on the sizes of the data."""
-    data = recipe.data
-    found = []
-    reached = patches.rate
-    while reached < data.rate:
-        reached *= patches.rate
-    if reached != data.rate:
-        text = (
-            f"patches.rate is {patches.rate}, and no power of it is data.rate, {data.rate}: "
-            f"repeated passes of the network cannot reach that rate"
-        )
-        found.append(Mistake(source.location(("patches", "rate")), text))
-    if patches.points * patches.rate > data.points * data.rate:
-        text = (
-            f"patches.points: a patch of {patches.points} points covers {patches.points * patches.rate} points of the "
-            f"truth, which has only {data.points * data.rate}: lower it"
-        )
-        found.append(Mistake(source.location(("patches", "points")), text))
     return found

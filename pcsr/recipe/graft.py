@@ -10,8 +10,9 @@ from pcsr.plugins.loading import add_file
 from pcsr.plugins.networks import find_network
 from pcsr.plugins.networks import network_code as code_of
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.graft_section import Graft
 from pcsr.recipe.part_keys import NETWORK, NETWORK_KEYS, is_graft
-from pcsr.recipe.schema import Graft, Recipe
+from pcsr.recipe.schema import Recipe
 from pcsr.recipe.source import Location, Mistake, Source
 from pcsr.validation_messages import shown, shown_path
 

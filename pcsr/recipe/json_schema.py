@@ -3,7 +3,8 @@
 from typing import Any
 
 from pcsr.plugins.registry import Registry
-from pcsr.recipe.part_keys import NAMES, PARTS
+from pcsr.recipe.optimizers import OPTIMIZERS, optimizer_options
+from pcsr.recipe.part_keys import NAMES, PART_LISTS, PARTS
 from pcsr.recipe.schema import Recipe, options_model
 
 
@@ -18,7 +19,7 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     del definitions["PartSpec"]
     for section in (schema, *definitions.values()):
         section["required"] = []
-    for keys, kind in PARTS.items():
+    for keys, kind in (PARTS | PART_LISTS).items():
         section_name, key = str(keys[-2]), str(keys[-1])
         definition = f"{kind}-part"
         if definition not in definitions:
@@ -26,7 +27,11 @@ def json_schema(registry: Registry) -> dict[str, Any]:
         reference: dict[str, Any] = {"$ref": f"#/$defs/{definition}"}
         optional = key == "touch_encoder"
         properties = definitions[section_name.capitalize()]["properties"]
-        properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
+        if keys in PART_LISTS:
+            properties[key]["items"] = reference
+        else:
+            properties[key] = {"anyOf": [reference, {"type": "null"}]} if optional else reference
+    definitions["Train"]["properties"]["optimizer"] = {"anyOf": _optimizers()}
     for (section_name, key), kind in NAMES.items():
         definitions[section_name.capitalize()]["properties"][key]["items"] = {"enum": registry.names(kind)}
     model = schema["properties"]["model"]
@@ -52,6 +57,17 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     return schema
 
 
+def _optimizers() -> list[dict[str, Any]]:
+    """List the schemas of an optimizer: its bare name, then for each the mapping of its name and options."""
+    return [
+        {"enum": list(OPTIMIZERS), "description": "name of an optimizer of torch.optim"},
+        *(
+            _form(name, f"torch.optim.{kind.__name__}", optimizer_options(name).model_json_schema())
+            for name, kind in OPTIMIZERS.items()
+        ),
+    ]
+
+
 def _choices(registry: Registry, kind: str, definitions: dict[str, Any]) -> list[dict[str, Any]]:
     """List the schemas of a part: its bare name, then for each part the mapping of its name and options.
 
@@ -66,13 +82,16 @@ def _choices(registry: Registry, kind: str, definitions: dict[str, Any]) -> list
         except Exception:  # omitted; `pcsr plugins` reports the error
             continue
         definitions |= {f"{kind}-{name}-{group}": inner for group, inner in options.get("$defs", {}).items()}
-        forms.append(
-            {
-                "type": "object",
-                "description": (part.__doc__ or "").partition("\n")[0],
-                "properties": {"use": {"const": name}, **options.get("properties", {})},
-                "additionalProperties": False,
-            }
-        )
+        forms.append(_form(name, (part.__doc__ or "").partition("\n")[0], options))
     names = [form["properties"]["use"]["const"] for form in forms]
     return [{"enum": names, "description": f"name of a part of the kind {kind}"}, *forms]
+
+
+def _form(name: str, description: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of the mapping of a name and options."""
+    return {
+        "type": "object",
+        "description": description,
+        "properties": {"use": {"const": name}, **options.get("properties", {})},
+        "additionalProperties": False,
+    }

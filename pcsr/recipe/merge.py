@@ -4,7 +4,7 @@ import copy
 from typing import Any
 
 from pcsr.recipe.old_names import modernize
-from pcsr.recipe.part_keys import PARTS, owner_of
+from pcsr.recipe.part_keys import CHOICES, PART_LISTS, PARTS, owner_of
 from pcsr.recipe.schema import DEFAULTS
 from pcsr.recipe.source import DEEPEST, Keys, Location, Mistake, Source
 from pcsr.validation_messages import shown
@@ -12,13 +12,24 @@ from pcsr.validation_messages import shown
 
 def normalize(source: Source, origin: str | None = None) -> Source:
     """Bring a recipe, in place, into the form that `merge` needs: `{use: name}` for each part, no names of 0.1."""
-    for keys in PARTS:
-        section, key = owner_of(source.data, keys), str(keys[-1])
-        if section is not None and isinstance(section.get(key), str):
-            section[key] = {"use": section[key]}
-            source.values[(*keys, "use")] = source.location(keys)
+    for keys in (*PARTS, *CHOICES):
+        section = owner_of(source.data, keys)
+        if section is not None:
+            _name(source, section, keys)
+    for keys in PART_LISTS:
+        parts = (owner_of(source.data, keys) or {}).get(str(keys[-1]))
+        for index in range(len(parts) if isinstance(parts, list) else 0):
+            _name(source, parts, (*keys, index))
     modernize(source, origin)
     return source
+
+
+def _name(source: Source, owner: Any, keys: Keys) -> None:
+    """Replace a bare name, the value at the last of `keys` in its owner, by `{use: name}`, in place."""
+    value = owner.get(keys[-1]) if isinstance(owner, dict) else owner[keys[-1]]
+    if isinstance(value, str):
+        owner[keys[-1]] = {"use": value}
+        source.values[(*keys, "use")] = source.location(keys)
 
 
 def merge(base: Source, override: Source) -> Source:
@@ -85,10 +96,10 @@ def _inside(keys: Keys, replaced: set[Keys]) -> bool:
 
 
 def _other_part(keys: Keys, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Return whether two mappings name different parts, choices in a part, or kinds of model."""
+    """Return whether two mappings name different parts, optimizers or the like, or are different kinds of model."""
     if keys == ("model",):
         return "graft" in new if "graft" not in old else "encoder" in new and "graft" not in new
-    return keys in PARTS and "use" in new and new["use"] != old.get("use")
+    return (keys in PARTS or keys in CHOICES) and "use" in new and new["use"] != old.get("use")
 
 
 def assign(source: Source, keys: Keys, value: Any, location: Location, name: Location | None = None) -> None:

@@ -41,9 +41,24 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
 }
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
 ADDED: dict[tuple[str, str], dict[Keys, Any]] = {
+    ("fusion", "iterative"): {("pairing",): "hilbert", ("offsets",): False},
+    ("fusion", "edge-conv"): {("keeps_touched_points",): True},
     ("touch", "digit"): {("noise", "shared_position_noise"): 0.0, ("noise", "shared_rotation_noise"): 0.0},
 }
 """Options that parts did not have in 0.1, with the value that changes nothing."""
+ADDED_KEYS: dict[Keys, Any] = {
+    ("data", "registration"): None,
+    ("train", "schedule"): "steps",
+    ("train", "final_learning_rate"): 0.0,
+    ("train", "warmup"): 0.0,
+    ("train", "clip_norm"): None,
+    ("train", "average"): None,
+    ("train", "validate_every"): None,
+    ("train", "patience"): None,
+    ("train", "snapshots"): [],
+    ("train", "start"): None,
+}
+"""Keys that recipes did not have in 0.1, with the value that changes nothing."""
 
 
 def modernize(source: Source, origin: str | None = None, base: dict[str, Any] | None = None) -> None:
@@ -93,12 +108,16 @@ def as_in_0_1(plain: dict[str, Any]) -> dict[str, Any]:
         section = owner_of(old, keys)
         if section is not None and isinstance(section.get(str(keys[-1])), dict):
             section[str(keys[-1])] = part_as_in_0_1(kind, section[str(keys[-1])])
+    for (section_name, key), unchanged in ADDED_KEYS.items():
+        section = old.get(str(section_name))
+        if isinstance(section, dict) and key in section and section[key] == unchanged:
+            del section[key]
     train = old.get("train")
-    if isinstance(train, dict) and train.get("start", "") is None:  # 0.1 had no such key
-        del train["start"]
-    data = old.get("data")
-    if isinstance(data, dict) and data.get("registration", "") is None:  # nor this one
-        del data["registration"]
+    if isinstance(train, dict):
+        train.pop("loggers", None)  # no value of it changes anything
+        optimizer = train.get("optimizer")
+        if isinstance(optimizer, dict) and optimizer.keys() == {"use"}:
+            train["optimizer"] = optimizer["use"]
     return old
 
 

@@ -7,51 +7,22 @@ import re
 import typing
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
 
 from pcsr.clouds.pose_error import MOST_POSITION, MOST_ROTATION
-from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry
+from pcsr.recipe.graft_section import Graft
 from pcsr.recipe.old_names import as_in_0_1
-from pcsr.recipe.part_keys import NETWORK
+from pcsr.recipe.section import AS_TUPLE, FEW, PartSpec, Section
+from pcsr.recipe.train_section import Train, Weights
 from pcsr.weights import SHA256_IN_0_1
 
 NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
 """Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
-Layout = Literal["bnc", "bcn", "bcn1"]
-"""Layout of a layer's output: batch, points and channels, in this order; the last has an axis of length 1."""
-PointsLayout = Literal["bnc", "bcn"]
-"""Layout of a batch of points."""
-AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-"""Validator that turns the lists of YAML into tuples, which cannot change."""
-
 MOST_TRUTH = 1 << 20
 """Largest number of points of an object's truth. It takes a minute and 2 GB for each object."""
 MOST_RAYS = 1 << 24
 """Largest number of rays of all depth cameras of an object. It takes a minute and 2 GB."""
-
-
-class Section(BaseModel):
-    """Section of a recipe. Unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class PartSpec(Section):
-    """Name of a part with its options. A checked recipe holds all options, with their defaults."""
-
-    use: str
-    options: dict[str, Any] = Field(default_factory=dict)
-
-    def build(self, registry: Registry, kind: str, *host: Any) -> Any:
-        """Build the part. `host` are the arguments that the host passes by position, such as `Widths`."""
-        part = registry.get(kind, self.use)
-        with guarded(f"the constructor of {kind} '{self.use}'"):
-            return part(*host, **self.options)
-
-    def needs(self, registry: Registry, kind: str) -> dict[str, str]:
-        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`."""
-        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
 
 
 class View(Section):
@@ -111,49 +82,6 @@ class Model(Section):
     upsampler: PartSpec
 
 
-class Weights(Section):
-    """Finished weights."""
-
-    use: Annotated[str, Field(min_length=1, max_length=4096)]
-    """Name of shipped weights, or path of a file."""
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    """SHA-256 hash of the file. It is filled in when a recipe is read; a hash in the recipe must match the file."""
-
-
-class Graft(Section):
-    """Touch on a foreign network: its class, its layer and the tactile parts."""
-
-    network: Annotated[str, Field(pattern=f"^{NETWORK.pattern}$")]
-    """File and class of the network, or an annotated function that returns it: `network.py:Net`. In a recipe the file
-    is a path, relative to the recipe's folder; in a resolved recipe its name alone."""
-    options: dict[str, Any] = Field(default_factory=dict)
-    """Keyword arguments of the class or function."""
-    weights: Weights | None = None
-    """Weights of the network that training starts from: a safetensors file with its `state_dict`. None: those that it
-    is built with."""
-    frozen: bool | None = None
-    """Whether the network itself is not trained, but the tactile parts alone. None: if `weights` are given."""
-    at: Annotated[str, Field(min_length=1, max_length=1000)]
-    """Layer that the touches are fused at: a dotted name of the network's modules."""
-    fusion: PartSpec
-    touch_encoder: PartSpec | None
-    layout: Layout | None = None
-    """Layout of the layer's output. None: test runs show it."""
-    points: Annotated[int, Field(ge=0)] | str = 0
-    """The network's argument for the points: a position or a name."""
-    points_layout: PointsLayout | None = None
-    """Layout of the points. None: that which the network can be run on."""
-    arguments: Annotated[tuple[Any, ...], AS_TUPLE, Field(max_length=64)] = ()
-    """Other arguments of the network, by position."""
-    keywords: dict[str, Any] = Field(default_factory=dict)
-    """Other arguments of the network, by name."""
-
-    @property
-    def is_frozen(self) -> bool:
-        """Whether the tactile parts alone are trained."""
-        return self.weights is not None if self.frozen is None else self.frozen
-
-
 class GraftedModel(Section):
     """A foreign network with touch at one of its layers, in place of the parts of a network."""
 
@@ -173,33 +101,6 @@ AnyModel = Annotated[
     Annotated[Model, Tag(PARTS_TAG)] | Annotated[GraftedModel, Tag(GRAFT_TAG)], Discriminator(_kind_of_model)
 ]
 """The model of a recipe: the parts of a network, or a graft."""
-
-Count = Annotated[int, Field(ge=0, le=16)]
-FEW = Field(max_length=16)
-"""Limit of the lists of names."""
-Augmentation = Literal["rotate", "scale", "jitter", "redraw", "even", "crop", "noise", "uneven"]
-
-
-class Train(Section):
-    """Training of the network."""
-
-    objective: PartSpec
-    epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 300
-    batch: Annotated[int, Field(ge=1, le=65_536)] = 32
-    optimizer: Literal["adam", "adamw"] = "adam"
-    learning_rate: Annotated[float, Field(gt=0)] = 1e-3
-    """Learning rate of the first epoch."""
-    decay: Annotated[float, Field(gt=0, le=1)] = 0.7
-    """Factor of the learning rate every `decay_every` epochs."""
-    decay_every: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """Number of epochs between two decays. None: a tenth of the epochs."""
-    augment: Annotated[tuple[Augmentation, ...], AS_TUPLE, FEW] = ("redraw", "even", "rotate", "scale", "jitter")
-    touches: Count | Annotated[tuple[Count, Count], AS_TUPLE] | None = None
-    """Number of touches in training, or the least and the greatest, between which it is drawn for each batch. None: the
-    number at evaluation."""
-    precision: Literal["32-true", "bf16-mixed"] = "32-true"
-    start: Weights | None = None
-    """Weights that training starts from: tensors that the network has too, by name and shape. None: random weights."""
 
 
 class Evaluate(Section):
@@ -347,7 +248,7 @@ def _flat(node: Any) -> Any:
         if node.keys() == {"use", "options"}:
             return {"use": node["use"], **node["options"]}
         return {key: _flat(value) for key, value in node.items()}
-    return node
+    return [_flat(value) for value in node] if isinstance(node, list) else node
 
 
 def _hash(plain: Any) -> str:

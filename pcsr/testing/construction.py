@@ -148,5 +148,6 @@ TRAITS: dict[str, frozenset[Trait]] = {
     "shapes": frozenset(),
     "metric": frozenset(),
     "baseline": frozenset(),
+    "logger": frozenset(),
 }
 """Traits that parts of each kind can claim."""

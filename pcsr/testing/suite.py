@@ -11,6 +11,7 @@ from pcsr.testing import (
     judging,
     keeping,
     learning,
+    loggers,
     objectives,
     objects,
     touching,
@@ -76,6 +77,13 @@ OF_KIND: dict[str, Checks] = {
         "leaves-clouds": judging.leaves_clouds,
     },
     "baseline": {"dense": judging.dense},
+    "logger": {
+        "logs": loggers.logs,
+        "resumes": loggers.resumes,
+        "interrupted": loggers.interrupted,
+        "leaves-values": loggers.leaves_values,
+        "leaves-random-numbers": loggers.leaves_random_numbers,
+    },
 }
 
 

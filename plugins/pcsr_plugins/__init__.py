@@ -3,24 +3,25 @@
 The networks, TAPSR first. Each is five parts: an encoder, a fusion of touches, a backbone, an upsampler and an
 objective. Recipes are in `pcsr/recipes`. Each part has a file or a folder of its name, with underscores for hyphens.
 
-==================  ===============  ===========  ===============  ============  ==============  =================
-recipe              encoder          fusion       backbone         upsampler     objective       source
-==================  ===============  ===========  ===============  ============  ==============  =================
-tapsr               unet             iterative    pu-transformer   shuffle       chamfer         TAPSR, Sec. 3
-tapsr-midpoint      unet             iterative    pu-transformer   midpoint      chamfer         Grad-PU, Sec. 3.2
-ablation/raw        mlp              none         pu-transformer   shuffle       chamfer         TAPSR, Sec. 4.4
-ablation/concat     unet             concat       pu-transformer   shuffle       chamfer         TAPSR, Sec. 4.4
-ablation/edge-conv  unet             edge-conv    pu-transformer   shuffle       chamfer         our own
-field               local-frames     joint-cloud  local-frames     rated-edges   surface-passes  our own
-frames              local-frames     joint-cloud  local-frames     edge-offsets  surface         our own
-pu-transformer      mlp              none         pu-transformer   shuffle       chamfer         PU-Transformer
-pu-net              set-abstraction  none         pu-net           branches      pu-net          PU-Net
-mpu                 linear           none         dense-edge-conv  progressive   progressive     3PU, Sec. 3
-pu-gan              linear           none         dense-edge-conv  up-down-up    pu-gan          PU-GAN, Sec. 3
-pu-gcn              edge-conv        none         pu-gcn           node-shuffle  chamfer         PU-GCN
-dis-pu              linear           none         dense-edge-conv  dis-pu        dis-pu          Dis-PU
-grad-pu             mlp              none         grad-pu          descent       grad-pu         Grad-PU, Sec. 3
-==================  ===============  ===========  ===============  ============  ==============  =================
+==================  ===============  ===============  ===============  ============  ==============  =================
+recipe              encoder          fusion           backbone         upsampler     objective       source
+==================  ===============  ===============  ===============  ============  ==============  =================
+tapsr               unet             iterative        pu-transformer   shuffle       chamfer         TAPSR, Sec. 3
+tapsr-midpoint      unet             iterative        pu-transformer   midpoint      chamfer         Grad-PU, Sec. 3.2
+ablation/raw        mlp              none             pu-transformer   shuffle       chamfer         TAPSR, Sec. 4.4
+ablation/concat     unet             concat           pu-transformer   shuffle       chamfer         TAPSR, Sec. 4.4
+ablation/edge-conv  unet             edge-conv        pu-transformer   shuffle       chamfer         our own
+ablation/attention  unet             cross-attention  pu-transformer   shuffle       chamfer         our own
+field               local-frames     joint-cloud      local-frames     rated-edges   surface-passes  our own
+frames              local-frames     joint-cloud      local-frames     edge-offsets  surface         our own
+pu-transformer      mlp              none             pu-transformer   shuffle       chamfer         PU-Transformer
+pu-net              set-abstraction  none             pu-net           branches      pu-net          PU-Net
+mpu                 linear           none             dense-edge-conv  progressive   progressive     3PU, Sec. 3
+pu-gan              linear           none             dense-edge-conv  up-down-up    pu-gan          PU-GAN, Sec. 3
+pu-gcn              edge-conv        none             pu-gcn           node-shuffle  chamfer         PU-GCN
+dis-pu              linear           none             dense-edge-conv  dis-pu        dis-pu          Dis-PU
+grad-pu             mlp              none             grad-pu          descent       grad-pu         Grad-PU, Sec. 3
+==================  ===============  ===============  ===============  ============  ==============  =================
 
 Touches come from `touch`, objects from `shapes`, what networks are compared with from `baselines`. What parts share
 is in `layers`. A part is registered by text, so that neither it nor torch is imported before a recipe asks for it.
@@ -31,7 +32,7 @@ from pcsr import Register, hookimpl
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Register the parts of the paper and of other networks, the sources of data, metrics and baselines."""
+    """Register the parts of the paper and of other networks, the sources of data, metrics, baselines and the logger."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
     register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
@@ -39,6 +40,7 @@ def pcsr_register(register: Register) -> None:
     register.encoder("set-abstraction", "pcsr_plugins.encoders.set_abstraction:BallEncoder")
     register.encoder("unet", "pcsr_plugins.encoders.unet:UNet")
 
+    register.fusion("cross-attention", "pcsr_plugins.fusions.cross_attention:CrossAttention")
     register.fusion("edge-conv", "pcsr_plugins.fusions.edge_conv:EdgeConvFusion")
     register.fusion("concat", "pcsr_plugins.fusions.concat:Concat")
     register.fusion("joint-cloud", "pcsr_plugins.fusions.joint_cloud:JointCloud")
@@ -74,6 +76,7 @@ def pcsr_register(register: Register) -> None:
 
     register.touch("digit", "pcsr_plugins.touch.digit:Digit")
     register.touch("recorded", "pcsr_plugins.touch.recorded:Recorded")
+    register.touch("surface", "pcsr_plugins.touch.surface:Surface")
 
     register.shapes("blobs", "pcsr_plugins.shapes.blobs:Blobs")
     register.shapes("cad-parts", "pcsr_plugins.shapes.cad_parts:CadParts")
@@ -87,3 +90,5 @@ def pcsr_register(register: Register) -> None:
 
     register.baseline("midpoint", "pcsr_plugins.baselines.midpoint:Midpoint")
     register.baseline("floor", "pcsr_plugins.baselines.floor:Floor")
+
+    register.logger("jsonl", "pcsr.experiments.history:JsonLines")

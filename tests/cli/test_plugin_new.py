@@ -19,7 +19,7 @@ from pcsr.cli.plugin_new import LISTED, NAME, SECTIONS, distribution
 from pcsr.errors import UserError
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import KINDS
-from pcsr.recipe.part_keys import NAMES, PARTS
+from pcsr.recipe.part_keys import NAMES, PART_LISTS, PARTS
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def new(tmp_path, monkeypatch):
 def test_every_kind_can_be_written_and_is_named_where_a_recipe_names_it():
     assert list(SECTIONS) == list(KINDS)
     wanted = {(section, LISTED.get(kind, kind)) for kind, section in SECTIONS.items()}
-    assert wanted <= PARTS.keys() | NAMES.keys()
+    assert wanted <= PARTS.keys() | NAMES.keys() | PART_LISTS.keys()
 
 
 @pytest.mark.slow

@@ -152,3 +152,17 @@ def test_weights_for_another_rate_are_refused_before_anything_runs(call, data):
     said = run(call, "study.yaml", "--data", "wide", code=UserError.exit_code)
     assert "recipe 's-bare': data.rate is 2, and the weights have rate 4" in said
     assert sorted(Path("runs").rglob("*")) == before
+
+
+def test_a_row_of_a_study_is_run_alone_and_the_study_then_finds_it(call, data, tmp_path):
+    (tmp_path / "study.yaml").write_text("extends: smoke\nname: study\nmatrix: {train.learning_rate: [1e-3, 2e-3]}\n")
+    words = ("study.yaml", *SMALL, "--data", data[0])
+    run(call, *words, "--row", 2)
+    (folder,) = Path("runs").glob("study-*")
+    assert folder.name.startswith("study-learning.rate.0.002-")
+    before = (folder / "weights.safetensors").read_bytes()
+    printed = run(call, *words)
+    assert "all runs: runs/study.html" in printed
+    assert (folder / "weights.safetensors").read_bytes() == before
+    printed = run(call, *words, "--row", 3, code=2)
+    assert "--row 3: study.yaml has 2 runs: give a number from 1 to 2" in printed

@@ -13,7 +13,7 @@ from pcsr.geometry.farthest import farthest_points
 from pcsr.geometry.frames import UnitSphere
 from tests.data.splits import clouds, split
 
-ALL = ("redraw", "even", "crop", "rotate", "scale", "jitter", "noise", "uneven")
+ALL = ("redraw", "even", "crop", "rotate", "scale", "jitter", "noise", "uneven", "other-touches")
 
 
 def batches(*augment: str, size: int = 4, touches: tuple[int, int] = (0, 3), seed: int = 5, count: int = 7) -> Batches:
@@ -72,6 +72,35 @@ def test_touches_of_a_row_are_different_touches_of_its_object():
     assert {touch.numpy().tobytes() for touch in touched} == {
         sphere.normalize(touch.numpy()).tobytes() for touch in made.split.touches[0]
     }
+
+
+def test_other_touches_are_those_of_another_object_and_nothing_else_changes():
+    own, other = batches(touches=(2, 2), size=1), batches("other-touches", touches=(2, 2), size=1)
+    givers = set()
+    for step in range(40):
+        plain, swapped = own.at(step), other.at(step)
+        assert torch.equal(swapped.points, plain.points)
+        assert torch.equal(swapped.truth, plain.truth)
+        (item,) = [i for i in range(7) if _is_of(plain.points[0], own.split.points[i])]
+        sphere = UnitSphere.fit(own.split.points[item].numpy())
+        touched = {touch.numpy().tobytes() for touch in swapped.touches.points[0]}
+        (giver,) = [
+            i
+            for i in range(7)
+            if touched <= {sphere.normalize(touch.numpy()).tobytes() for touch in own.split.touches[i]}
+        ]
+        assert giver != item
+        givers.add(giver)
+    assert len(givers) == 7
+
+
+def test_a_single_object_has_no_other_touches_than_its_own():
+    alone = batches("other-touches", touches=(3, 3), size=1, count=1)
+    assert alone.at(0).touches.points.shape == (1, 3, 8, 3)
+
+
+def _is_of(normalised, points):
+    return np.array_equal(normalised.numpy(), UnitSphere.fit(points.numpy()).normalize(points.numpy()))
 
 
 def test_the_sparse_cloud_fills_the_unit_sphere_and_is_part_of_the_truth():

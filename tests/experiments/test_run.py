@@ -9,6 +9,7 @@ from lightning_fabric import Fabric
 from rich.progress import Progress
 from safetensors.torch import load_file
 
+from pcsr import Logger
 from pcsr.data.dataset import Split
 from pcsr.experiments.run import packages
 from pcsr.experiments.run_options import RunOptions, run_folder
@@ -18,8 +19,10 @@ from pcsr.network.build import build
 from pcsr.network.load import load_weights
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Entry
 from pcsr.recipe import load
-from pcsr.recipe.schema import Weights
+from pcsr.recipe.section import PartSpec
+from pcsr.recipe.train_section import Weights
 
 ROOT = Path(__file__).parents[2]
 TINY = [
@@ -48,6 +51,20 @@ def split():
     return Split(
         names, names, list(truth), list(truth[:, 100:164]), list(touched), spheres, [(0.1, 0.2)] * 8, {"rejected": {}}
     )
+
+
+class Events(Logger):
+    """Writes into a folder of its own, as loggers of others do."""
+
+    needs = frozenset({"no_such_package"})
+
+    def start(self, folder, recipe, step):
+        (folder / "events").mkdir(exist_ok=True)
+        self.path = folder / "events" / "steps.txt"
+
+    def log(self, step, values):
+        with self.path.open("a") as file:
+            file.write(f"{step}\n")
 
 
 def weights(network):
@@ -101,8 +118,13 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
 
 
 @pytest.mark.slow
-def test_two_processes_train_the_weights_of_one(tmp_path):
-    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]"]
+@pytest.mark.parametrize(
+    "changes",
+    [[], ["train.patience=1", "train.validate_every=1", "train.average={use: ema, decay: 0.5}", "train.clip_norm=0.1"]],
+    ids=["plain", "early"],
+)
+def test_two_processes_train_the_weights_of_one(tmp_path, changes):
+    small = ["data.shapes.count=8", "data.shapes.held_out=2", "train.epochs=2", "evaluate.metrics=[cd]", *changes]
     words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--device", "cpu", *settings(*TINY[:4], "train.batch=4", *small)]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     trained = []
@@ -131,6 +153,27 @@ def test_a_recipe_runs_on_data_that_is_built_already(world, tmp_path):
     assert (written["data"]["shapes"], written["data"]["points"], written["recipe"]["data"]["seed"]) == ("balls", 64, 5)
     assert not (tmp_path / "runs" / "data").exists()
     assert {path: path.read_bytes() for path in (tmp_path / "data").iterdir()} == before
+
+
+@pytest.mark.parametrize("jsonl", [True, False])
+def test_what_loggers_write_stays_when_a_network_is_trained_again(recipe, split, tmp_path, jsonl):
+    registry = load_plugins()
+    registry.add(Entry("logger", "events", Events, "tests", "0"))
+    loggers = (*([PartSpec(use="jsonl")] if jsonl else []), PartSpec(use="events"))
+    one = recipe.model_copy(update={"train": recipe.train.model_copy(update={"loggers": loggers})})
+    lengths = []
+    for retrain in (False, True):
+        options = RunOptions(runs=tmp_path, retrain=retrain)
+        folder = run_folder(one, options)
+        folder.mkdir(exist_ok=True)
+        with Progress(disable=True) as progress:
+            _, training = trained(one, registry, "data", lambda *_: split, fabric(), options, progress)
+        lengths.append(len((folder / "events" / "steps.txt").read_text().splitlines()))
+        names = {"events", "recipe.json", "weights.safetensors", *(["metrics.jsonl"] if jsonl else [])}
+        assert {path.name for path in folder.iterdir()} == names
+    assert lengths[0] == lengths[1] > 0
+    assert (training["steps"], training["device"], training["validation"].keys()) == (6, "1 x cpu", {"cd"})
+    assert packages(one, registry, RunOptions()).get("no_such_package") == "logger 'events'"
 
 
 class UntrainedError(Exception):
@@ -162,6 +205,26 @@ def finished(recipe, registry, tmp_path):
             return trained(of, registry, data, untrained, fabric(), RunOptions(runs=tmp_path / "runs"), progress)
 
     return leave, ask
+
+
+@pytest.mark.parametrize("retrain", [False, True])
+def test_snapshots_are_weights_files_of_the_run_folder(recipe, registry, split, tmp_path, retrain):
+    recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"snapshots": (1, 4)})})
+    options = RunOptions(runs=tmp_path, retrain=retrain)
+    folder = run_folder(recipe, options)
+    folder.mkdir()
+    with Progress(disable=True) as progress:
+        last, _ = trained(recipe, registry, "data", lambda name, progress: split, fabric(), options, progress)
+    names = {"weights-1.safetensors", "weights-4.safetensors", "weights.safetensors", "metrics.jsonl", "recipe.json"}
+    assert {path.name for path in folder.iterdir()} == names
+    found = {}
+    for step in (1, 4):
+        network, of, card = load_weights(folder / f"weights-{step}.safetensors", registry)
+        assert (of.model, of.train) == (recipe.model, recipe.train)
+        assert (card["training"]["steps"], card["data_fingerprint"]) == (step, "data")
+        found[step] = weights(network)
+    assert not torch.equal(found[1], found[4])
+    assert not torch.equal(found[4], weights(last)), "six steps in all"
 
 
 def test_the_same_training_is_not_done_again_under_another_name(recipe, finished):

@@ -9,8 +9,10 @@ from pcsr import Objective
 from pcsr.data.batches import Batches
 from pcsr.data.loading import prepared
 from pcsr.errors import RunError, UserError
+from pcsr.experiments.optimization import learning_rate
 from pcsr.experiments.recorder import CHECKPOINT, validate
-from pcsr.experiments.train import learning_rate, train
+from pcsr.experiments.train import train
+from pcsr.network.build import build
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Entry
 from pcsr.recipe import Recipe
@@ -36,7 +38,7 @@ def test_the_history_has_each_step_once_and_ten_validations_at_most(recipe, tmp_
     lines = history(tmp_path / "run")
     losses, validations = ([line for line in lines if key in line] for key in ("loss", "validation"))
     assert [line["step"] for line in losses] == list(range(1, STEPS + 1))
-    assert [line["rate"] for line in losses] == [learning_rate(recipe, i // 2) for i in range(STEPS)]
+    assert [line["rate"] for line in losses] == [learning_rate(recipe.train, i, 2) for i in range(STEPS)]
     assert [line["step"] for line in validations] == [2, 4, 6, 8]
     assert validations[-1]["validation"]["cd"] == validate(network.eval(), split(2, 2), recipe)
 
@@ -48,14 +50,39 @@ def test_training_lowers_the_loss(recipe, tmp_path):
     assert values[-1] < 0.9 * values[0]
 
 
-@pytest.mark.parametrize(
-    ("epochs", "decay_every", "epoch", "falls"),
-    [(300, None, 29, 0), (300, None, 30, 1), (300, None, 299, 9), (5, None, 3, 3), (300, 50, 149, 2)],
-)
-def test_the_learning_rate_falls_in_steps(recipe, epochs, decay_every, epoch, falls):
-    settings = recipe.train.model_copy(update={"epochs": epochs, "decay_every": decay_every})
-    recipe = recipe.model_copy(update={"train": settings})
-    assert learning_rate(recipe, epoch) == pytest.approx(1e-3 * 0.7**falls)
+def plain(recipe: Recipe) -> torch.nn.Module:
+    """The training of the paper, written out: Adam, and a learning rate that decays in steps."""
+    registry = load_plugins()
+    network, objective = build(recipe, registry), recipe.train.objective.build(registry, "objective")
+    batches = Batches(split(6, 1), recipe.train.batch, recipe.touch_range, recipe.train.augment, recipe.seed)
+    optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
+    for step in range(STEPS):
+        optimizer.param_groups[0]["lr"] = 1e-3 * 0.7 ** (step // 2)
+        batch = batches.at(step)
+        losses = objective.losses(network, batch.points, batch.truth, recipe.data.rate, batch.touches)
+        optimizer.zero_grad()
+        sum(losses.values()).backward()
+        optimizer.step()
+    return network
+
+
+def test_by_default_training_is_plain_to_the_last_bit(recipe, tmp_path):
+    assert same(trained(recipe, tmp_path / "run"), plain(recipe))
+
+
+def test_gradients_of_a_long_norm_are_scaled_to_the_limit_and_their_norm_is_logged(tmp_path):
+    sgd = ("train.optimizer=sgd", "train.decay=1.0", "train.learning_rate=0.1", "train.snapshots=[1]")
+    recipe = tiny(tmp_path, *sgd, "train.clip_norm=0.01")
+    start = torch.cat([p.detach().flatten().clone() for p in build(recipe, load_plugins()).parameters()])
+    ends = {}
+
+    def keep(network, step, training):
+        ends[step] = torch.cat([p.detach().flatten().clone() for p in network.parameters()])
+
+    trained(recipe, tmp_path / "run", kept=keep)
+    norms = [line["gradient_norm"] for line in history(tmp_path / "run") if "loss" in line]
+    assert min(norms) > 0.01
+    assert float((ends[1] - start).norm()) == pytest.approx(0.1 * 0.01, rel=1e-3)
 
 
 class Infinite(Objective):
@@ -81,6 +108,29 @@ def test_a_loss_that_is_not_finite_ends_it_and_the_checkpoint_before_stays(recip
     steps = []
     trained(recipe, tmp_path / "run", shown=lambda progress: steps.append(progress.step))
     assert steps[0] == 3
+
+
+def test_after_the_steps_of_snapshots_the_network_is_handed_over(tmp_path):
+    recipe = tiny(tmp_path, "train.snapshots=[2, 3, 8]")
+    kept = {}
+
+    def keep(network, step, training):
+        assert (training["steps"], training["validation"].keys()) == (step, {"cd"} if step > 1 else set())
+        kept[step] = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+    last = trained(recipe, tmp_path / "run", kept=keep)
+    assert list(kept) == [2, 3, 8]
+    assert all(torch.equal(tensor, last.state_dict()[name]) for name, tensor in kept[8].items())
+    assert not all(torch.equal(tensor, kept[3][name]) for name, tensor in kept[2].items())
+    assert same(last, trained(tiny(tmp_path), tmp_path / "without")), "keeping them changes nothing"
+
+
+def test_a_snapshot_after_the_end_is_refused(tmp_path):
+    with pytest.raises(
+        UserError,
+        match=r"train\.snapshots names step 9, and training ends after 8 steps \(4 epochs of 2\): raise train\.epochs",
+    ):
+        trained(tiny(tmp_path, "train.snapshots=[2, 9]"), tmp_path / "run")
 
 
 def test_a_batch_that_processes_cannot_share_is_refused(recipe, tmp_path):

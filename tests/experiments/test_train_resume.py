@@ -7,10 +7,11 @@ import signal
 import pytest
 import torch
 
-from pcsr.experiments.recorder import CHECKPOINT, Progress
+from pcsr.experiments.recorder import CHECKPOINT, Progress, validate
 from pcsr.recipe import Recipe
+from pcsr.recipe.optimizers import OPTIMIZERS
 from pcsr.run_files import HISTORY
-from tests.small_training import STEPS, history, same, stop_at, threads_of_steps, tiny, trained
+from tests.small_training import STEPS, history, same, split, stop_at, threads_of_steps, tiny, trained
 
 
 @pytest.fixture
@@ -27,9 +28,26 @@ def signal_at(step: int, number: signal.Signals):
     return shown
 
 
-@pytest.mark.parametrize("optimizer", ["adam", "adamw"])
-def test_stopped_and_resumed_is_bit_for_bit_as_never_stopped(recipe, tmp_path, optimizer):
-    recipe = recipe.model_copy(update={"train": recipe.train.model_copy(update={"optimizer": optimizer})})
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *(
+            pytest.param([f"train.optimizer={name}"], marks=() if name in ("adam", "sgd") else [pytest.mark.slow])
+            for name in OPTIMIZERS
+        ),
+        ["train.optimizer={use: sgd, momentum: 0.9, nesterov: true}"],
+        ["train.optimizer={use: adam, amsgrad: true}"],
+        ["train.schedule=cosine", "train.warmup=1.5"],
+        ["train.schedule=linear", "train.clip_norm=0.1"],
+        ["train.average={use: ema, decay: 0.6}"],
+        ["train.average={use: swa, start: 1}"],
+        ["train.average={use: swa, start: 3}"],
+        ["train.patience=1", "train.average=ema", "train.validate_every=2"],
+    ],
+    ids=lambda changes: "-".join(changes).replace("train.", ""),
+)
+def test_stopped_and_resumed_is_bit_for_bit_as_never_stopped(tmp_path, changes):
+    recipe = tiny(tmp_path, *changes)
     whole = trained(recipe, tmp_path / "whole")
     run = tmp_path / "stopped"
     for step in (3, 6):  # killed between a step and its checkpoint, twice
@@ -140,3 +158,59 @@ def test_training_with_anchors_stops_and_resumes_alike(tmp_path, upsampler):
         trained(recipe, tmp_path / "run", shown=stop_at(4), checkpoint_every=0.0)
     assert same(whole, trained(recipe, tmp_path / "run"))
     assert whole.fusion.out.weight.abs().max() > 0, "nothing was learned of the touches"
+
+
+@pytest.fixture
+def measured(monkeypatch):
+    """Takes the place of validation: errors in their order."""
+
+    def be(*errors):
+        left = list(errors)
+        monkeypatch.setattr("pcsr.experiments.recorder.validate", lambda *_: left.pop(0))
+
+    return be
+
+
+@pytest.mark.parametrize("average", ["null", "{use: ema, decay: 0.5}"])
+def test_a_training_that_stops_early_keeps_the_best_weights_and_resumes_alike(tmp_path, measured, average):
+    recipe = tiny(tmp_path, "train.patience=1", "train.snapshots=[4, 8]", f"train.average={average}")
+    kept = {}
+
+    def keep(network, step, training):
+        kept[step] = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+    measured(0.3, 0.1, 0.2)
+    steps = []
+    whole = trained(recipe, tmp_path / "whole", kept=keep, shown=lambda progress: steps.append(progress.step))
+    assert steps == [1, 2, 3, 4, 5, 6]
+    assert kept.keys() == {4}
+    assert all(torch.equal(tensor, kept[4][name]) for name, tensor in whole.state_dict().items())
+    measured(0.3, 0.1, 0.2)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "stopped", shown=stop_at(6), checkpoint_every=0.0)
+    measured(0.2)
+    assert same(whole, trained(recipe, tmp_path / "stopped"))
+    assert history(tmp_path / "stopped") == history(tmp_path / "whole")
+    measured()
+    assert same(whole, trained(recipe, tmp_path / "stopped", shown=lambda progress: pytest.fail("it went on")))
+
+
+def test_the_average_is_measured_and_kept_instead_of_the_last_weights(tmp_path):
+    plain = trained(tiny(tmp_path), tmp_path / "plain")
+    averaged = trained(tiny(tmp_path, "train.average={use: swa, start: 3}"), tmp_path / "swa")
+    kept = []
+    snapshots = tiny(tmp_path, "train.snapshots=[7, 8]")
+    trained(
+        snapshots,
+        tmp_path / "steps",
+        kept=lambda network, *_: kept.append(torch.cat([weight.detach().flatten() for weight in network.parameters()])),
+    )
+    mean = torch.cat([weight.detach().flatten() for weight in averaged.parameters()])
+    torch.testing.assert_close(mean, (kept[0] + kept[1]) / 2)
+    assert not same(plain, averaged)
+    steps = [line["loss"] for line in history(tmp_path / "plain") if "loss" in line]
+    assert [line["loss"] for line in history(tmp_path / "swa") if "loss" in line] == steps, "it trains the same"
+    errors = [line["validation"]["cd"] for line in history(tmp_path / "swa") if "validation" in line]
+    usual = [line["validation"]["cd"] for line in history(tmp_path / "plain") if "validation" in line]
+    assert errors[:-1] == usual[:-1]
+    assert errors[-1] == validate(averaged, split(2, 2), tiny(tmp_path)) != usual[-1]

@@ -16,7 +16,7 @@ from pcsr.clouds.formats import read_points, write_points
 from pcsr.grafting import Grafted, graft
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.recipe.schema import Graft
+from pcsr.recipe.graft_section import Graft
 from pcsr.recorded import write
 from tests.grafting.networks import Meeting
 

@@ -106,7 +106,7 @@ def test_a_plugin_that_fails_leaves_nothing_changed_either(write):
 
 def test_a_constructor_that_changes_something(write):
     from pcsr.contracts import Widths
-    from pcsr.recipe.schema import PartSpec
+    from pcsr.recipe.section import PartSpec
 
     registry = load_plugins([write(body="import torch; torch.set_default_dtype(torch.float64)")])
     before = state()

@@ -21,6 +21,7 @@ def clouds():
 
 FAN = ("model.upsampler={use: edge-offsets, hidden: 8}",)
 ANCHORED = ("model.fusion={use: edge-conv, hidden: 8}", *FAN)
+FEATURES = ("model.fusion={use: edge-conv, hidden: 8, keeps_touched_points: false}", *FAN)
 COUNT = RATE * N
 
 
@@ -58,7 +59,13 @@ def test_in_use_there_are_just_as_many_points_as_wanted(clouds, overrides):
 
 @pytest.mark.parametrize(
     ("overrides", "keeps_touched_points"),
-    [(ANCHORED, True), (INSERTED, True), ((*NO_FUSION, *FAN), False), ((*FAN, "model.fusion=iterative"), False)],
+    [
+        (ANCHORED, True),
+        (FEATURES, False),
+        (INSERTED, True),
+        ((*NO_FUSION, *FAN), False),
+        ((*FAN, "model.fusion=iterative"), False),
+    ],
 )
 @torch.no_grad()
 def test_candidates_are_all_that_is_made_and_touched_of_which_in_use_the_farthest_are_kept(

@@ -12,7 +12,7 @@ from torch.nn import functional as F
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr_plugins.backbones.pu_transformer import EdgeMax, PUTransformer, ShiftedChannelAttention
 from pcsr_plugins.fusions.iterative import Iterative
-from pcsr_plugins.layers.hilbert_pairing import pair
+from pcsr_plugins.layers.pairing import pair
 from pcsr_plugins.upsamplers.shuffle import Shuffle
 
 

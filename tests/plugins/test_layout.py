@@ -18,8 +18,8 @@ FOLDERS = {
     "baseline": "baselines",
 }
 PLUGINS = Path(__file__).parents[2] / "plugins" / "pcsr_plugins"
-ENTRIES = [entry for entry in load_plugins() if entry.owner == "pcsr" and entry.kind != "metric"]
-"""Without the metrics, which are those of `pcsr.metrics`."""
+ENTRIES = [entry for entry in load_plugins() if entry.owner == "pcsr" and entry.kind not in ("metric", "logger")]
+"""Without the metrics, which are those of `pcsr.metrics`, and the logger, which writes what `pcsr` itself reads."""
 MODULES = {str(entry.target).partition(":")[0] for entry in ENTRIES}
 EXTENDS = {("pcsr_plugins.fusions.joint_cloud", "pcsr_plugins.fusions.none")}
 """A part that is another one and more."""

@@ -85,6 +85,7 @@ def registry() -> Registry:
         ("objective", "chamfer", Distance),
         ("baseline", "midpoint", "pcsr_plugins.baselines.midpoint:Midpoint"),
         ("baseline", "floor", "pcsr_plugins.baselines.floor:Floor"),
+        ("logger", "jsonl", "pcsr.experiments.history:JsonLines"),
         *(("metric", name, type(metric)) for name, metric in METRICS.items()),
     ):
         made.add(Entry(kind, name, part, "tests", "1"))

@@ -41,7 +41,7 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
         "recipe.yaml:8:11: there is no fusion 'atention': did you mean 'attention'?",
         "recipe.yaml:11:12: backbone 'refine'.steps: it must be a whole number, got [1]",
         "recipe.yaml:12:17: train.epochs: it must be 1 or more, got -3",
-        "recipe.yaml:12:39: train.augment.1: it must be 'rotate', 'scale', 'jitter', 'redraw', 'even', 'crop', 'noise' or 'uneven', got 'shear'",  # noqa: E501
+        "recipe.yaml:12:39: train.augment.1: it must be 'rotate', 'scale', 'jitter', 'redraw', 'even', 'crop', 'noise', 'uneven' or 'other-touches', got 'shear'",  # noqa: E501
         "recipe.yaml:14:17: evaluate.metrics.1: there is no metric 'chamfer': known: cd, emd, hd, hd-pugcn, p2f",
     ]
 

@@ -52,14 +52,23 @@ def test_defaults_are_filled_in(write, registry):
             "objective": {"use": "chamfer"},
             "epochs": 300,
             "batch": 32,
-            "optimizer": "adam",
+            "optimizer": {"use": "adam"},
             "learning_rate": 1e-3,
+            "schedule": "steps",
             "decay": 0.7,
             "decay_every": None,
+            "final_learning_rate": 0.0,
+            "warmup": 0.0,
+            "clip_norm": None,
+            "average": None,
             "augment": ["redraw", "even", "rotate", "scale", "jitter"],
             "touches": None,
             "precision": "32-true",
+            "validate_every": None,
+            "patience": None,
+            "snapshots": [],
             "start": None,
+            "loggers": [{"use": "jsonl"}],
         },
         "weights": None,
         "joined": [],
@@ -104,7 +113,7 @@ def test_a_part_is_built_from_its_options(write, registry):
 WEIGHTS_CHANGE = ["seed=1", "data.points=256", "data.rate=8", "data.shapes.count=11", "data.sampling=fps"]
 WEIGHTS_CHANGE += ["model.encoder.channels=16", "model.fusion={use: attention, heads: 1}", "train.epochs=1"]
 WEIGHTS_CHANGE += ["train.touches=[0, 4]", "train.augment=[]", "train.touches=3", "data.touches=5"]
-WEIGHTS_CHANGE += ["patches={points: 64}"]
+WEIGHTS_CHANGE += ["patches={points: 64}", "train.snapshots=[100]"]
 WEIGHTS_STAY = [
     "patches=null",
     "name=b",

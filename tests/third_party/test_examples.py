@@ -15,7 +15,12 @@ from pcsr.weights.file import read_card
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "third_party"
 pytestmark = pytest.mark.slow
-PARTS = {"attention": "pcsr-fusion-attention", "taxels": "pcsr-touch-taxels"}
+PARTS = {
+    "attention": "pcsr-fusion-attention",
+    "taxels": "pcsr-touch-taxels",
+    "tensorboard": "pcsr-logger-tensorboard",
+    "wandb": "pcsr-logger-wandb",
+}
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +60,8 @@ def test_their_parts_are_listed_with_their_owners(environment, place):
     owners = {(row[0], row[1]): row[2:4] for row in rows if len(row) == 5}
     assert owners["fusion", "attention"] == ["pcsr-fusion-attention", "0.1.0"]
     assert owners["touch", "taxels"] == ["pcsr-touch-taxels", "0.1.0"]
+    assert owners["logger", "tensorboard"] == ["pcsr-logger-tensorboard", "0.1.0"]
+    assert owners["logger", "wandb"] == ["pcsr-logger-wandb", "0.1.0"]
     assert owners["fusion", "iterative"][0] == "pcsr"
 
 

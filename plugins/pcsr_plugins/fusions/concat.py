@@ -13,7 +13,7 @@ from torch import nn
 
 from pcsr import Fusion, TouchBatch, Trait, UserError, Widths
 from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.hilbert_pairing import pair
+from pcsr_plugins.layers.pairing import pair
 
 
 class Concat(Fusion):

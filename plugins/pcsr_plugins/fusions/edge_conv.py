@@ -11,8 +11,6 @@ Touched points lie on the surface exactly, so they replace the points that the n
 (`keeps_touched_points`).
 """
 
-from typing import ClassVar
-
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -31,10 +29,16 @@ class EdgeConvFusion(Fusion):
     """Residual edge convolution, zero-initialised: training starts from the visual network."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT, Trait.TOUCH_PERMUTATION_INVARIANT})
-    keeps_touched_points: ClassVar[bool] = True
+    keeps_touched_points = True
 
     def __init__(
-        self, widths: Widths, *, neighbours: NeighbourCount = 12, points_per_touch: Count = 64, hidden: Channels = 64
+        self,
+        widths: Widths,
+        *,
+        neighbours: NeighbourCount = 12,
+        points_per_touch: Count = 64,
+        hidden: Channels = 64,
+        keeps_touched_points: bool = True,
     ) -> None:
         """Choose how many touched points send messages.
 
@@ -44,8 +48,11 @@ class EdgeConvFusion(Fusion):
             points_per_touch: candidates for these of each touch, spread evenly over it: the nearest ones of a dense
                 touch would nearly all lie on one spot.
             hidden: channels of an edge.
+            keeps_touched_points: whether touched points are part of the result. If not, touch enters through the
+                features alone.
         """
         super().__init__()
+        self.keeps_touched_points = keeps_touched_points
         self.neighbours, self.points_per_touch = neighbours, points_per_touch
         self.here = nn.Linear(widths.visual, hidden)
         self.there = nn.Linear(widths.touch, hidden, bias=False)

@@ -9,6 +9,10 @@ One block, applied again for each touch: "the number of input and output channel
 fixed value … we can easily connect multiple fusion modules by cascading." Sec. 3.3 also says "a common
 approach is to apply MLPs followed by max-pooling", which the equations don't; `pool: global` does it
 (PAPER.md, "The FF block").
+
+The paper does not say which touched point the i-th visual point is concatenated with. `pairing: hilbert` takes the i-th
+along the Hilbert curves of both, `pairing: nearest` the nearest in space. `offsets: true` adds the vector from the
+visual to the touched point to ft. Both are our own, for the study `fusions/study`.
 """
 
 from typing import Literal
@@ -19,19 +23,36 @@ from torch.nn import functional as F
 
 from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
-from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.hilbert_pairing import met
+from pcsr.tensors import Features, Points, TouchFeatures
+from pcsr_plugins.layers.pairing import hilbert_pairs, nearest_pairs, taken
 
 
 class Iterative(Fusion):
-    """Folds one touch after the other into the features, always reminded of the purely visual ones."""
+    """Fuses one touch after the other with the features, each time together with the purely visual ones."""
 
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
-    def __init__(self, widths: Widths, *, pool: Literal["none", "global"] = "none") -> None:
+    def __init__(
+        self,
+        widths: Widths,
+        *,
+        pool: Literal["none", "global"] = "none",
+        pairing: Literal["hilbert", "nearest"] = "hilbert",
+        offsets: bool = False,
+    ) -> None:
+        """Create the block.
+
+        Args:
+            widths: of the features, from the host.
+            pool: whether Fm is replaced by its maximum over all points.
+            pairing: which point of a touch a visual point is concatenated with: along the Hilbert curves of both
+                clouds, or the nearest in space.
+            offsets: whether the vector from the visual point to the touched one is concatenated too.
+        """
         super().__init__()
-        self.pool = pool
-        self.mlp = nn.Sequential(nn.Linear(widths.touch + widths.visual, widths.visual), nn.ReLU())
+        self.pool, self.pairing, self.offsets = pool, pairing, offsets
+        self.touch_channels = widths.touch + 3 * offsets
+        self.mlp = nn.Sequential(nn.Linear(self.touch_channels + widths.visual, widths.visual), nn.ReLU())
         # A deconvolution that keeps the number of points: width 3 along the curve, stride 1.
         self.deconv = nn.ConvTranspose1d(2 * widths.visual, widths.visual, 3, padding=1)
 
@@ -43,11 +64,11 @@ class Iterative(Fusion):
         """
         linear, deconv = self.mlp[0], self.deconv
         assert isinstance(linear, nn.Linear)
-        of_touch, of_fused = torch.split(linear.weight, [touches.features.shape[-1], features.shape[-1]], dim=1)
+        of_touch, of_fused = torch.split(linear.weight, [self.touch_channels, features.shape[-1]], dim=1)
         of_mixed, of_visual = deconv.weight.chunk(2)
         order = hilbert_order(points)
         fp = along(order, features)
-        messages = F.linear(met(touches, points.shape[1]), of_touch, linear.bias)  # (b a n c)
+        messages = F.linear(self._paired(along(order, points), touches), of_touch, linear.bias)  # (b a n c)
         visual = F.conv_transpose1d(fp.transpose(1, 2), of_visual, deconv.bias, padding=1)  # (b c n)
         f = fp
         for i in range(touches.mask.shape[1]):
@@ -57,3 +78,14 @@ class Iterative(Fusion):
             fused = visual + F.conv_transpose1d(fm.transpose(1, 2), of_mixed, padding=1)
             f = torch.where(touches.mask[:, i, None, None], fused.transpose(1, 2), f)
         return back(order, f)
+
+    def _paired(self, points: Points, touches: TouchBatch) -> TouchFeatures:
+        """For each visual point, in the order of the curve, what is concatenated of each touch: (b a n c)."""
+        nearest = self.pairing == "nearest"
+        index = nearest_pairs(points, touches) if nearest else hilbert_pairs(touches, points.shape[1])
+        features = taken(touches.features, index)
+        if not self.offsets:
+            return features
+        offsets = taken(touches.points, index) - points.unsqueeze(1)
+        # The points of a missing touch may be far off, or not finite.
+        return torch.cat([features, offsets.masked_fill(~touches.mask[:, :, None, None], 0.0)], dim=-1)

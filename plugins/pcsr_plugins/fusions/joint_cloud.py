@@ -8,8 +8,6 @@ network learns of changing spacing. At inference they do not: a cloud that is ma
 neighbourhoods unlike those elsewhere, and lost most of what the touch had gained.
 """
 
-from typing import ClassVar
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -24,7 +22,7 @@ from pcsr_plugins.layers.options import Count
 class JointCloud(NoFusion):
     """Without weights: what a touched point means follows from where it lies."""
 
-    keeps_touched_points: ClassVar[bool] = True
+    keeps_touched_points = True
 
     def __init__(self, widths: Widths, *, points: Count = 48) -> None:
         """Choose how many points of a touch are inserted.

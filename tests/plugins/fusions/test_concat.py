@@ -5,7 +5,7 @@ import torch
 
 from pcsr import UserError
 from pcsr_plugins.fusions.concat import Concat
-from pcsr_plugins.layers.hilbert_pairing import pair
+from pcsr_plugins.layers.pairing import pair
 from tests.plugins.compare import close
 from tests.plugins.small_touches import WIDTHS, touched
 

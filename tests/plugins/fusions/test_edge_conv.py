@@ -8,6 +8,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Fusion, TouchBatch, Trait, Widths
+from pcsr.testing import checks_for
 from pcsr_plugins.fusions.edge_conv import EdgeConvFusion
 
 WIDTHS = Widths(visual=6, touch=4)
@@ -59,6 +60,18 @@ def test_it_claims_what_the_host_acts_on():
     assert EdgeConvFusion.keeps_touched_points
     assert EdgeConvFusion.uses_touch_features
     assert not Fusion.keeps_touched_points
+
+
+def test_the_result_may_be_without_touched_points():
+    without, usual = made(keeps_touched_points=False), made()
+    assert not without.keeps_touched_points
+    assert usual.keeps_touched_points
+    assert torch.equal(without(*given_clouds()), usual(*given_clouds()))
+
+
+@pytest.mark.parametrize("check", checks_for(EdgeConvFusion, keeps_touched_points=False), ids=str)
+def test_it_is_a_good_part_without_touched_points_in_the_result(check):
+    check()
 
 
 def test_as_it_is_built_it_adds_nothing():

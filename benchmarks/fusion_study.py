@@ -1,0 +1,201 @@
+"""What the rows of pcsr/recipes/fusions/study.yaml make of touches, over the steps of their training.
+
+pcsr run fusions/study
+python benchmarks/fusion_study.py RUNS [-o docs/pictures] [--save]
+
+Each snapshot (`train.snapshots`) is measured on all test objects: without touch, with touches, and with those of
+another object. The numbers are kept in the run's folder (`snapshots.json`), so that the command measures only what is
+new. Rows that are still in training are shown as far as they are.
+"""
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+import click
+import numpy as np
+import torch
+from rich.console import Console
+from rich.progress import track
+from saved import save, show
+
+from pcsr.data.dataset import Split
+from pcsr.data.sample import covered_points
+from pcsr.errors import PcsrError, UserError
+from pcsr.files import write_text
+from pcsr.metrics.chamfer import chamfer
+from pcsr.metrics.touch_effect import EFFICIENCY, efficiency, replace_region
+from pcsr.network.load import load_weights
+from pcsr.network.network import Network
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Registry
+from pcsr.recipe import Recipe, load
+from pcsr.report.figures.line_chart import Line, line_chart
+from pcsr.report.tables.scores import efficiency_cell
+from pcsr.run_files import snapshot_file
+from pcsr.upsample import upsample_as
+from pcsr.weights.file import read_card
+
+STUDY = Path("fusions/study")
+MEASURED = "snapshots.json"
+Numbers = Mapping[str, Sequence[float]]
+"""Chamfer distance of each test object: `without` touch, with its `own` touches, with those of an `other` object, and
+`replaced`: without touch, the touched region replaced by the truth."""
+Rows = dict[str, dict[int, list[Numbers]]]
+"""Row to step to the numbers of each seed."""
+COLUMNS = ("row", "seeds", "step", "cd without touch", "with touches", "with another object's", EFFICIENCY)
+COLUMNS += (f"{EFFICIENCY} of another object's",)
+
+
+def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
+    """Upsample each object of a split without touch, with its touches and with those of the next object."""
+    numbers: dict[str, list[float]] = {name: [] for name in ("without", "own", "other", "replaced")}
+    touches = [list(some[: recipe.data.touches].numpy()) for some in split.touches]
+    for i, truth in enumerate(split.truth):
+        given = {"without": [], "own": touches[i], "other": touches[(i + 1) % len(split)]}
+        clouds = {
+            name: torch.from_numpy(upsample_as(recipe, network, split.points[i].numpy(), some)).float()
+            for name, some in given.items()
+        }
+        region = torch.from_numpy(covered_points(truth.numpy(), touches[i]).any(0))
+        clouds["replaced"] = replace_region(clouds["without"], truth, region)
+        for name, cloud in clouds.items():
+            numbers[name].append(float(chamfer(cloud[None], truth[None])[0]))
+    return numbers
+
+
+def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
+    """Return the numbers of a run's snapshots by step, after measuring those that are new."""
+    path = folder / MEASURED
+    known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    by_step = {}
+    for step in _recipe(folder)["train"]["snapshots"]:
+        weights = folder / snapshot_file(step)
+        if not weights.exists():
+            continue
+        card = read_card(weights)
+        entry = known.get(weights.name)
+        if entry is None or entry["sha256"] != card["sha256"]:
+            network, recipe, _ = load_weights(weights, registry)
+            split = _test_split(folder.parent / "data" / card["data_fingerprint"][:12])
+            known[weights.name] = entry = {"sha256": card["sha256"], "cd": measure(network, recipe, split)}
+            write_text(path, json.dumps(known))
+        by_step[step] = entry["cd"]
+    return by_step
+
+
+@cache
+def order() -> list[str]:
+    """Return the names of the study's rows."""
+    return [_row(recipe.name) for recipe in load(STUDY, load_plugins(), ["seed=0"])]
+
+
+@cache
+def _test_split(folder: Path) -> Split:
+    return Split.load(folder, "test")
+
+
+def _recipe(folder: Path) -> dict:
+    """Return the resolved recipe of a run, finished or not."""
+    return json.loads((folder / "recipe.json").read_text(encoding="utf-8"))
+
+
+def _row(name: str) -> str:
+    """The name of a row, of that of its run: without those of the study and the seed."""
+    return re.sub(r"-seed\.\d+$", "", name).partition("-")[2]
+
+
+def read(runs: Path, registry: Registry) -> Rows:
+    """Measure the study's runs, in the order of its rows. Of runs of the same row and seed the first counts.
+
+    Raises:
+        UserError: there are no snapshots, or the test data are not in RUNS/data.
+    """
+    rows: Rows = {row: defaultdict(list) for row in order()}
+    seen = set()
+    folders = sorted(path.parent for path in runs.glob("fusions-*/recipe.json"))
+    for folder in track(folders, "measuring", console=Console(stderr=True), transient=True):
+        recipe = _recipe(folder)
+        row, by_step = _row(recipe["name"]), measured(folder, registry)
+        if row in rows and by_step and (row, recipe["seed"]) not in seen:
+            seen.add((row, recipe["seed"]))
+            for step, numbers in by_step.items():
+                rows[row][step].append(numbers)
+    if not seen:
+        raise UserError(f"{runs} holds no snapshot of the study: `pcsr run fusions/study --runs {runs}` makes some")
+    return {row: by_step for row, by_step in rows.items() if by_step}
+
+
+def shares(seeds: Sequence[Numbers], touched: str = "own") -> list[float]:
+    """Touch efficiency of each seed, with an object's own touches or with those of the other one."""
+    found = [efficiency(numbers[touched], numbers["without"], numbers["replaced"]) for numbers in seeds]
+    return [share for share in found if share is not None]
+
+
+def means(seeds: Sequence[Numbers], name: str) -> list[float]:
+    """Mean Chamfer distance of each seed, times 10³."""
+    return [1e3 * float(np.mean(numbers[name])) for numbers in seeds]
+
+
+def table(rows: Rows) -> list[list[str]]:
+    """A line for each row: the last step that all its seeds have reached, mean ± standard deviation over seeds."""
+    lines = []
+    for row, by_step in rows.items():
+        most = max(map(len, by_step.values()))
+        step = max(step for step, seeds in by_step.items() if len(seeds) == most)
+        seeds = by_step[step]
+        cells = [efficiency_cell(means(seeds, name)) for name in ("without", "own", "other")]
+        cells += [efficiency_cell(shares(seeds, name)) for name in ("own", "other")]
+        lines.append([f"`{row}`", str(len(seeds)), f"{step:,}", *cells])
+    return lines
+
+
+def over_steps(rows: Rows) -> list[list[str]]:
+    """Touch efficiency of each row at each step."""
+    steps = sorted({step for by_step in rows.values() for step in by_step})
+    return [
+        ["row", *(f"{step:,}" for step in steps)],
+        *([f"`{row}`", *(efficiency_cell(shares(of.get(step, []))) for step in steps)] for row, of in rows.items()),
+    ]
+
+
+def draw(rows: Rows, path: Path) -> None:
+    """Draw the touch efficiency over the steps, a line for each row, with a band of the deviation over seeds."""
+    steps = sorted({step for by_step in rows.values() for step in by_step})
+    lines: dict[str, Line] = {}
+    for row, by_step in rows.items():
+        found = [shares(by_step.get(step, [])) for step in steps]
+        spread = [float(np.std(one, ddof=1)) if len(one) > 1 else np.nan for one in found]
+        lines[row] = ([float(np.mean(one)) if one else np.nan for one in found], spread)
+    line_chart("What fusions make of touches", "steps of training", EFFICIENCY, steps, lines, path)
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Draw fusion-study.png into this folder.")
+@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/fusion-study.json.")
+def main(runs: Path, out: Path | None, saving: bool) -> None:
+    """Print the tables of the study in RUNS."""
+    torch.set_num_threads(1)
+    try:
+        rows = read(runs, load_plugins())
+        lines = table(rows)
+        show(COLUMNS, lines)
+        heads, *cells = over_steps(rows)
+        show(heads, cells, title=f"{EFFICIENCY} over the steps of training")
+        if out is not None:
+            draw(rows, out / "fusion-study.png")
+            click.echo(str(out / "fusion-study.png"))
+        if saving:
+            save(
+                "fusion-study", "pcsr run fusions/study; python benchmarks/fusion_study.py runs --save", COLUMNS, lines
+            )
+    except PcsrError as error:
+        raise click.ClickException(str(error)) from error
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,36 @@
+"""What the sections of a recipe consist of: their base class, and the specification of a part."""
+
+from typing import Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from pcsr.plugins.guard import guarded
+from pcsr.plugins.registry import Registry
+
+AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+"""Validator that turns the lists of YAML into tuples, which cannot change."""
+FEW = Field(max_length=16)
+"""Limit of the lists of names."""
+
+
+class Section(BaseModel):
+    """Section of a recipe. Unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class PartSpec(Section):
+    """Name of a part with its options. A checked recipe holds all options, with their defaults."""
+
+    use: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    def build(self, registry: Registry, kind: str, *host: Any) -> Any:
+        """Build the part. `host` are the arguments that the host passes by position, such as `Widths`."""
+        part = registry.get(kind, self.use)
+        with guarded(f"the constructor of {kind} '{self.use}'"):
+            return part(*host, **self.options)
+
+    def needs(self, registry: Registry, kind: str) -> dict[str, str]:
+        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`."""
+        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
