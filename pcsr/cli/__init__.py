@@ -7,6 +7,7 @@ from pcsr.cli import interrupt  # first: Ctrl-C is handled while the slower impo
 import errno
 import importlib
 import os
+import shlex
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,8 @@ from pcsr.errors import PcsrError, RunError, UserError, did_you_mean
 
 GROUP = "pcsr.commands"
 """The entry-point group in which plugins announce commands: `name = "module:click_command"`."""
+WORDS = "pcsr.words"
+"""Key of click's context at which the words after `pcsr` are."""
 
 
 class BuiltIn(NamedTuple):
@@ -118,10 +121,13 @@ class Commands(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+    def make_context(self, info_name: str | None, args: list[str], *others: Any, **kwargs: Any) -> click.Context:
         """Parse the options before the command's name; `--help` prints its page here."""
+        words = list(args)  # parsing empties it
         with _reported_errors():
-            return super().make_context(*args, **kwargs)
+            context = super().make_context(info_name, args, *others, **kwargs)
+        context.meta[WORDS] = words
+        return context
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command and report its errors."""
@@ -210,6 +216,13 @@ def explain(error: BaseException) -> tuple[str, int]:
 @click.option("--traceback", is_flag=True, help="Show Python's traceback of an error, and all warnings.")
 def pcsr(traceback: bool) -> None:
     """Point-cloud super-resolution with touch."""
+
+
+def command_line() -> str | None:
+    """Return the command line of the command that runs, as a shell takes it; None outside of a command."""
+    context = click.get_current_context(silent=True)
+    words = None if context is None else context.meta.get(WORDS)
+    return None if words is None else shlex.join(["pcsr", *words])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -15,12 +15,11 @@ from pcsr.experiments.train_state import load_training, save_training
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.network import Network
 from pcsr.recipe import Recipe
-from pcsr.run_files import HISTORY
+from pcsr.run_files import CHECKPOINT, HISTORY
 from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_plainly
 from pcsr.weights.file import read_file
 
-CHECKPOINT = "checkpoint.safetensors"
 WATCHED = 16
 """Number of validation objects that are measured during training."""
 

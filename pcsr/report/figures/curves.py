@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from pcsr.report.figures.line_chart import Line, draw_lines
 from pcsr.report.run_set import RunSet
-from pcsr.report.tables.comparison import VARIED, varied
+from pcsr.report.tables.comparison_tables import VARIED, varied
 from pcsr.report.tables.rows import variants
 from pcsr.report.tables.scores import scaled
 

@@ -1,34 +1,47 @@
 """Comparison of several runs as an HTML page: tables, figures, settings that differ, and links to the runs' reports."""
 
 import html
+import os
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from urllib.parse import quote
 
-from pcsr.report.tables.comparison import compare, differences
+from pcsr.report.tables.comparison import Comparison
+from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.settings import settings_that_differ
 from pcsr.report.tables.text_table import TextTable
 from pcsr.report.web.document import document, table
 from pcsr.results import Results
 
 
-def comparison_page(runs: Sequence[Results], name: str, figures: Mapping[str, bytes] | str) -> str:
-    """HTML page of a study.
+def comparison_page(
+    compared: Comparison, folders: Sequence[Path], beside: Path, figures: Mapping[str, bytes] | str
+) -> str:
+    """HTML page of a comparison.
 
     Args:
-        runs: at least one.
-        name: name of the study.
+        compared: the numbers.
+        folders: run folder of each run.
+        beside: folder of the page, from which the reports are linked.
         figures: WebP files by name, or the reason why there are none.
     """
-    different = differences(runs)
-    tables = [*compare(runs, name), *([] if different is None else [different])]
-    body = f"<h1>{html.escape(name)}</h1>" + "".join(map(_table, tables)) + _figures(figures) + _reports(runs)
-    return document(name, body)
+    different = settings_that_differ(compared)
+    shown = [*tables(compared), *([] if different is None else [different])]
+    body = f"<h1>{html.escape(compared.name)}</h1>" + "".join(map(_table, shown)) + _figures(figures)
+    return document(compared.name, body + _reports(compared.runs, folders, beside))
 
 
 def _table(shown: TextTable) -> str:
-    lines = [[html.escape(cell).replace("\n", "<br>") for cell in line] for line in shown.cells]
+    lines = [[_cell(cell, (i, k) in shown.bold) for k, cell in enumerate(line)] for i, line in enumerate(shown.cells)]
     body = table([html.escape(head) for head in shown.heads], lines)
     note = f'<p class="note">{html.escape(shown.note)}</p>'
     return f"<section><h2>{html.escape(shown.title)}</h2>{body}{note}</section>"
+
+
+def _cell(cell: str, bold: bool) -> str:
+    first, *more = html.escape(cell).split("\n")
+    return "<br>".join([f"<strong>{first}</strong>" if bold else first, *more])
 
 
 def _figures(figures: Mapping[str, bytes] | str) -> str:
@@ -42,12 +55,20 @@ def _figures(figures: Mapping[str, bytes] | str) -> str:
     return f"<section><h2>Figures</h2>{shown}</section>"
 
 
-def _reports(runs: Sequence[Results]) -> str:
-    """Links to the reports of the runs, whose folders are beside the page, with version, date and machine."""
+def _reports(runs: Sequence[Results], folders: Sequence[Path], beside: Path) -> str:
+    """Links to the reports of the runs, with version, date and machine."""
     links = "".join(
-        f'<li><a href="{html.escape(run.folder_name)}/report.html">{html.escape(run.name)}</a>, '
+        f'<li><a href="{html.escape(_link(folder / "report.html", beside))}">{html.escape(run.name)}</a>, '
         f"pcsr {html.escape(run.version)}, {html.escape(run.created)}, "
         f"{html.escape(run.machine)}</li>"
-        for run in runs
+        for run, folder in zip(runs, folders, strict=True)
     )
     return f"<section><h2>Reports</h2><ul>{links}</ul></section>"
+
+
+def _link(file: Path, beside: Path) -> str:
+    """Link from a page in a folder to a file: relative, or absolute where it lies on another drive."""
+    try:
+        return quote(Path(os.path.relpath(file, beside)).as_posix())
+    except ValueError:
+        return file.resolve().as_uri()
