@@ -84,8 +84,9 @@ def cloud_settings(recipe: dict[str, Any]) -> dict[str, Any]:
     settings = {f"data.{key}": data[key] for key in keys if key in data}
     if isinstance(shapes := data.get("shapes"), dict):
         settings |= {f"data.shapes.{key}": shapes[key] for key in ("use", "held_out") if key in shapes}
-    seed = data.get("seed")
-    settings["data.seed"] = recipe.get("seed") if seed is None else seed
+    seed = recipe.get("seed") if data.get("seed") is None else data["seed"]
+    if seed is not None:
+        settings["data.seed"] = seed
     if "objects" in evaluate:
         settings["evaluate.objects"] = evaluate["objects"]
     return settings

@@ -241,7 +241,8 @@ def test_a_file_that_fails_keeps_what_was_there(pair, tmp_path, monkeypatch):
 
 def test_the_page_of_a_comparison_holds_the_figures(pair):
     runs = [read_run(folder) for folder in pair]
-    text = report.write_comparison(runs, "study", pair[0].parent).read_text(encoding="utf-8")
+    compared = report.comparison([run.results for run in runs], "study")
+    text = report.write_comparison(compared, runs, pair[0].parent).read_text(encoding="utf-8")
     shown = dict(re.findall(r'<img alt="([^"]+)"[^>]* src="data:image/webp;base64,([^"]+)">', text))
     drawn = figures(pair)
     assert shown.keys() == drawn.keys()
@@ -255,6 +256,7 @@ def test_the_page_says_why_there_is_no_figure(pair, results, clouds, history, tm
     other = {key: cloud + np.float32(0.1) if key.endswith("input") else cloud for key, cloud in clouds.items()}
     third = put(tmp_path / "others", results, other, history, name="third", touches=2)
     runs = [read_run(folder) for folder in (*pair, third)]
-    text = report.write_comparison(runs, "study", pair[0].parent).read_text(encoding="utf-8")
+    compared = report.comparison([run.results for run in runs], "study")
+    text = report.write_comparison(compared, runs, pair[0].parent).read_text(encoding="utf-8")
     assert "<img" not in text
     assert "the input of &#x27;test/gear/0000&#x27; is not that of" in text

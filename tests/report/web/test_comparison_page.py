@@ -13,7 +13,8 @@ def write(tmp_path):
 
     def write(made):
         runs = [FinishedRun(tmp_path / one["name"], parse_results(one), [], None) for one in made]
-        page = report.write_comparison(runs, "study", tmp_path)
+        compared = report.comparison([run.results for run in runs], "study")
+        page = report.write_comparison(compared, runs, tmp_path)
         assert page == tmp_path / "study.html"
         return page.read_text(encoding="utf-8")
 
@@ -32,9 +33,10 @@ def test_names_are_no_markup(results, variant, write):
 def test_the_page_says_how_the_runs_differ_and_where_their_reports_are(results, variant, write):
     runs = [variant(results, "study-a", train={"epochs": 1}), variant(results, "study-b", train={"epochs": 7})]
     text = write(runs)
-    assert '<th scope="row">train.epochs</th><td>1</td><td>7</td>' in text
-    assert "data.points" not in text
-    assert 'href="study-a-ab12cd34/report.html"' in text
+    assert '<th scope="row">a</th><td>epochs 1</td>' in text
+    assert '<th scope="row">b</th><td>epochs 7</td>' in text
+    assert "points 64" not in text
+    assert 'href="study-a/report.html"' in text
 
 
 def test_runs_that_differ_in_nothing_have_no_table_of_differences(results, variant, write):
