@@ -124,9 +124,10 @@ def _sorted_out(compared: Sequence[Path]) -> tuple[list[Path], list[Path]]:
         elif named or path.is_file() or path.suffix in (".yaml", ".yml"):
             files.append(path)
         else:
-            raise UserError(
-                f"'{path}' is neither a run folder nor a recipe: {did_you_mean(str(path), recipes.names())}"
-            )
+            hint = did_you_mean(str(path), recipes.names())
+            if not hint.startswith("did"):  # all recipes
+                hint = "pcsr runs lists the run folders"
+            raise UserError(f"'{path}' is neither a run folder nor a recipe: {hint}")
     if not folders and not files:
         raise UserError("no run folder or recipe is named: name at least one")
     return folders, files

@@ -108,18 +108,21 @@ def variants(runs: Sequence[Results], name: str) -> list[Row]:
         number = next(k for k in count() if all(run.seed != other.seed for other in by_recipe.get((text, k), ())))
         by_recipe.setdefault((text, number), []).append(run)
     recipes = [sorted(seeds, key=lambda run: run.seed) for seeds in by_recipe.values()]
-    labels = [SEED.sub("", seeds[0].name).removeprefix(f"{name}-") for seeds in recipes]
-    prefix = _common_prefix(labels)
-    labels = [label.removeprefix(prefix) for label in labels]
+    labels = _labels([SEED.sub("", seeds[0].name).removeprefix(f"{name}-") for seeds in recipes])
     return [
-        _row(
-            label if labels.count(label) == 1 else f"{label} {seeds[0].fingerprint[:8]}",
-            [run.methods[0] for run in seeds],
-            seeds,
-            seeds[0].settings.published,
-        )
+        _row(label, [run.methods[0] for run in seeds], seeds, seeds[0].settings.published)
         for label, seeds in zip(labels, recipes, strict=True)
     ]
+
+
+def _labels(names: Sequence[str]) -> list[str]:
+    """Labels of rows: without the common beginning of all names, and numbered where a name occurs again."""
+    prefix = _common_prefix(names)
+    labels: list[str] = []
+    for name in names:
+        label = name.removeprefix(prefix)
+        labels.append(next(one for k in count(1) if (one := f"{label} ({k})" if k > 1 else label) not in labels))
+    return labels
 
 
 def _common_prefix(labels: Sequence[str]) -> str:
