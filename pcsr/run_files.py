@@ -81,6 +81,16 @@ def is_run_folder(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY))
 
 
+def check_run_folder(folder: Path) -> None:
+    """Check that a folder is a run folder.
+
+    Raises:
+        UserError: it does not exist, or holds none of the files of a run.
+    """
+    if not is_run_folder(folder):
+        raise UserError(f"{folder} is no run folder: name one that `pcsr run` has written")
+
+
 def read_environment(folder: Path) -> dict[str, dict[str, Any]]:
     """Read the environments of a run's stages, "training" and "evaluation"; empty in run folders of pcsr before 0.3.
 

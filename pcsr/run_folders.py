@@ -12,7 +12,7 @@ from typing import Any
 from pcsr.errors import UserError
 from pcsr.recipe.part_keys import PARTS
 from pcsr.results import Results, read_results, read_text
-from pcsr.run_files import HISTORY, RECIPE, RESULTS, is_run_folder
+from pcsr.run_files import EXAMPLES, HISTORY, RECIPE, RESULTS, check_run_folder, is_run_folder
 from pcsr.weights import WEIGHTS
 
 FINISHED, UNFINISHED, DAMAGED = "finished", "unfinished", "damaged"
@@ -32,7 +32,7 @@ class RunFolder:
     recipe: dict[str, Any]
     """Resolved recipe; empty if it cannot be read."""
     results: Results | None
-    """Results of a finished run."""
+    """Results of a run that was evaluated."""
 
     @classmethod
     def read(cls, folder: Path) -> "RunFolder":
@@ -41,12 +41,13 @@ class RunFolder:
         Raises:
             UserError: the folder is no run folder.
         """
-        if not is_run_folder(folder):
-            raise UserError(f"{folder} is no run folder: name one that `pcsr run` has written")
+        check_run_folder(folder)
         try:
             if (folder / RESULTS).exists():
                 results = read_results(folder / RESULTS)
-                return cls(folder, FINISHED, "", results.recipe, results)
+                whole = (folder / EXAMPLES).exists()
+                remark = "" if whole else f"{EXAMPLES} is missing"
+                return cls(folder, FINISHED if whole else DAMAGED, remark, results.recipe, results)
             return cls(folder, UNFINISHED, _progress(folder), _recipe(folder), None)
         except UserError as error:
             return cls(folder, DAMAGED, str(error), {}, None)

@@ -87,8 +87,9 @@ def compare(
     by_folder = dict(zip(folders, runs, strict=True))
     of_file = {file: load(file, registry, overrides, axes) for file in files}
     recipes = prepared([one for file in files for one in of_file[file]], registry, options) if files else []
-    known = [(str(one.folder), one.results.recipe) for one in runs if one is not None]
-    check_same_settings([*known, *((one.name, one.resolved()) for one in recipes)])
+    if recipes:
+        known = [(str(one.folder), one.results.recipe) for one in runs if one is not None]
+        check_same_settings([*known, *((one.name, one.resolved()) for one in recipes)])
     trained, failed = run_each(recipes, registry, options, alone=len(recipes) == len(compared) == 1)
     made = iter(trained)
     every = [
@@ -98,7 +99,7 @@ def compare(
     ]
     done = [one for one in every if one is not None]
     check_same_clouds([(str(one.folder), one.results) for one in done])
-    if len(every) > 1 and done:
+    if done and (len(every) > 1 or folders):
         show(done, [*left_out, *failed], name, options.runs, {form: others[form] for form in FORMATS if others[form]})
     check_failed(failed, len(recipes))
 

@@ -37,19 +37,18 @@ def read_runs(folders: Sequence[Path]) -> "tuple[list[FinishedRun | None], list[
     Raises:
         UserError: a folder is named twice, or is no run folder.
     """
-    from pcsr.run_files import is_run_folder, read_results_of
+    from pcsr.run_files import check_run_folder, read_results_of
 
     runs: list[FinishedRun | None] = []
     reasons: list[str] = []
     for number, folder in enumerate(folders):
         if folder.resolve() in [other.resolve() for other in folders[:number]]:
             raise UserError(f"{folder} is named twice: name each run once")
-        if not is_run_folder(folder):
-            raise UserError(f"{folder} is no run folder: name one that `pcsr run` has written")
+        check_run_folder(folder)
         try:
             runs.append(read_results_of(folder))
         except UserError as error:
-            reasons.append(str(error))
+            reasons.append(str(error).partition(";")[0])  # without the remedy
             streams.console(error=True).print(f"left out: {error}", markup=False, soft_wrap=True, highlight=False)
             runs.append(None)
     return runs, reasons

@@ -20,10 +20,12 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
     """
     from pcsr.extras import require
     from pcsr.report import write_page
-    from pcsr.run_files import read_run
+    from pcsr.run_files import check_run_folder, read_run
 
     if out is not None and len(runs) > 1:
         raise UserError(f"--out {out}: it is the page of one run, and {len(runs)} are named: leave it out")
+    for folder in runs:
+        check_run_folder(folder)
     require({"plotly": "the report"})
     for finished in [read_run(folder) for folder in runs]:
         click.echo(str(write_page(finished, out)))

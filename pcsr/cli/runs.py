@@ -61,7 +61,12 @@ def runs(context: click.Context, runs: Path, conditions: tuple[str, ...], key: s
     if plain:
         click.echo(json.dumps([_plain(run) for run in listed], indent=1))
     elif listed:
-        streams.console().print(_table(listed, runs))
+        console = streams.console()
+        console.print(_table(listed, runs))
+        for run in listed:
+            if run.remark:
+                text = f"{run.folder}: {run.state}, {run.remark}"
+                console.print(text, markup=False, highlight=False, soft_wrap=True)
     else:
         click.echo(f"no run in {runs}" + (f" matches; it has {len(every)}" if every else ""))
 
@@ -120,14 +125,15 @@ def _table(listed: "Sequence[RunFolder]", folder: Path) -> Any:
 
     metrics = {metric: note for run in listed if run.results for metric, note in run.results.metrics.items()}
     least = {metric: min(run.means[metric] for run in listed if metric in run.means) for metric in metrics}
-    common = {part for part in listed[0].parts.items() if all(part in run.parts.items() for run in listed)}
+    known = [run for run in listed if run.parts]
+    common = {part for run in known[:1] for part in run.parts.items() if all(part in r.parts.items() for r in known)}
     kinds = list(dict.fromkeys(key for run in listed for key in run.parts if (key, run.parts[key]) not in common))
     heads = ["", "seed", *(key.partition(".")[2] for key in kinds), "budget"]
     heads += [*(scaled(metric, note.scale) for metric, note in metrics.items()), "age", "size"]
     cells = []
     for run in listed:
         means = [f"{run.means[m]:.{decimals_of(least[m])}f}" if m in run.means else "" for m in metrics]
-        name = run.folder.name + ("" if run.results else f"\n{run.state}: {run.remark}")
+        name = run.folder.name + (f"\n{run.state}" if run.remark else "")
         seed = run.value("seed")
         parts = [run.parts.get(key, "") for key in kinds]
         cells.append([name, "" if seed is None else str(seed), *parts, budget(run), *means, age(run)])
