@@ -99,6 +99,8 @@ def compare(
     ]
     done = [one for one in every if one is not None]
     check_same_clouds([(str(one.folder), one.results) for one in done])
+    if left_out and not recipes and not done:
+        raise UserError("no run is left to compare: name one that is finished")
     if done and (len(every) > 1 or folders):
         show(done, [*left_out, *failed], name, options.runs, {form: others[form] for form in FORMATS if others[form]})
     check_failed(failed, len(recipes))

@@ -144,7 +144,7 @@ def _table(listed: "Sequence[RunFolder]", folder: Path) -> Any:
             f"All have {', '.join(f'{key} {name}' for key, name in listed[0].parts.items() if (key, name) in common)}. "
         )
     note += "Metrics: mean of the network over the test objects."
-    return TextTable("", heads, cells, note)
+    return TextTable(str(folder), heads, cells, note)
 
 
 def budget(run: "RunFolder") -> str:
