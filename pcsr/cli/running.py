@@ -53,7 +53,7 @@ _OPTIONS = (
         "--data",
         type=FILE,
         multiple=True,
-        help="Use this data folder, built by `pcsr data make`, instead of the recipe's data. "
+        help="Use this data folder, built by pcsr data make, instead of the recipe's data. "
         "May be repeated: the folders are joined.",
     ),
     click.option(
