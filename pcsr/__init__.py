@@ -12,7 +12,7 @@ from pcsr.plugins.hookspecs import hookimpl
 from pcsr.version import __version__
 
 if TYPE_CHECKING:
-    from pcsr import metrics, recorded
+    from pcsr import metrics, recorded, sensors
     from pcsr.clouds.meshes import read_mesh
     from pcsr.clouds.pose_error import PoseError
     from pcsr.clouds.touch import Touch
@@ -115,11 +115,12 @@ __all__ = [
     "read_mesh",
     "recorded",
     "register",
+    "sensors",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("metrics", "recorded"):
+    if name in ("metrics", "recorded", "sensors"):
         return importlib.import_module(f"pcsr.{name}")
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)

@@ -29,6 +29,7 @@ MODULES = (
     "metrics",
     "metrics.nearest",
     "recorded",
+    "sensors",
     "tensors",
     "testing",
 )

@@ -50,6 +50,7 @@ COMMANDS = {
     "register": BuiltIn("pcsr.cli.register:register", "Register touches to a cloud and report the error of the arm."),
     "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
     "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Check recordings of touches, and import them from ROS bags."),
+    "sensor": BuiltIn("pcsr.cli.sensor:sensor", "Calibrate camera-based tactile sensors and read their images."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),
     "plugins": BuiltIn("pcsr.cli.plugins:plugins", "List, check and write plugins and their parts."),
 }

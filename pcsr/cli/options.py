@@ -127,19 +127,21 @@ def jobs_option(text: str) -> Callable[[Callable[..., Result]], Callable[..., Re
     return click.option("--jobs", type=int, default=None, metavar="N", callback=_jobs, help=text)
 
 
-class Seconds(click.FloatRange):
-    """Click type of a duration in seconds. It refuses `nan`, which `click.FloatRange` accepts."""
+class Number(click.FloatRange):
+    """Click type of a number within a range. It refuses `nan`, which `click.FloatRange` accepts."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the seconds, within the range."""
-        seconds = super().convert(value, param, ctx)
-        if math.isnan(seconds):
-            self.fail(f"{value} is not a number of seconds", param, ctx)
-        return seconds
+        """Return the number, within the range."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is not a number", param, ctx)
+        return number
 
 
-SECONDS = Seconds(0.1, 86_400)
+SECONDS = Number(0.1, 86_400)
 """Click type of a time limit: 0.1 s to one day."""
+MILLIMETRES = Number(0, 1000, min_open=True)
+"""Click type of a length on a sensor."""
 
 set_option = click.option(
     "--set",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.options import FILE, OUTPUT_FOLDER, Seconds
+from pcsr.cli.options import FILE, OUTPUT_FOLDER, Number
 from pcsr.cli.streaming import stages
 from pcsr.cli.touch_options import pose_error_option
 from pcsr.cli.warnings_shown import yellow_warnings
@@ -102,7 +102,7 @@ class _Times(click.ParamType[tuple[float, ...]]):
 @click.option("--sensor", "name", metavar="NAME", help="Name of the sensor.  [default: the topic's]")
 @click.option(
     "--max-gap",
-    type=Seconds(0, 60),
+    type=Number(0, 60),
     default=0.1,
     show_default=True,
     metavar="S",

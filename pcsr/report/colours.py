@@ -1,5 +1,8 @@
 """Colours of the report's pages and figures, safe for colour-blind readers."""
 
+import numpy as np
+from jaxtyping import Float, UInt8
+
 SERIES = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9"]
 """Colours of lines and bars, one for each series, after Okabe and Ito (2008, https://jfly.uni-koeln.de/color/)."""
 ERROR_SCALE: list[tuple[float, str]] = [(0.0, "#8fabc6"), (0.5, "#dc861f"), (1.0, "#b3161f")]
@@ -25,3 +28,11 @@ INPUT, TOUCH, TRUTH = "#1f6fb2", "#d0202b", "#4a5560"
 """Colours of clouds, equal to those of page.css in a bright room."""
 INK, SOFT, LINE = "#1c2024", "#5d6670", "#d9dee3"
 """Colours of text, secondary text and frames, equal to those of page.css in a bright room."""
+
+
+def value_colours(share: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
+    """Return red, green and blue on `VALUE_SCALE` for shares from 0 to 1."""
+    places = [place for place, _ in VALUE_SCALE]
+    colours = np.array([list(bytes.fromhex(colour[1:])) for _, colour in VALUE_SCALE])
+    channels = [np.interp(share, places, colours[:, k]) for k in range(3)]
+    return np.stack(channels, axis=-1).round().astype(np.uint8)

@@ -3,6 +3,7 @@
 from pcsr.sensors.calibrate import Calibrated, calibrate, median_background
 from pcsr.sensors.calibration import Calibration
 from pcsr.sensors.figures import Figures, PressFigures
+from pcsr.sensors.fitting import Place
 from pcsr.sensors.gels import GELS, Gel, gel
 from pcsr.sensors.images import read_rgb
 from pcsr.sensors.presses import PressImage
@@ -15,6 +16,7 @@ __all__ = [
     "Calibration",
     "Figures",
     "Gel",
+    "Place",
     "PressFigures",
     "PressImage",
     "Reading",

@@ -1,5 +1,6 @@
 """Calibration of a tactile sensor from images of a ball that is pressed into its gel."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -7,7 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
-from pcsr.sensors.calibration import Calibration, coarse
+from pcsr.limits import check_memory
+from pcsr.sensors.backgrounds import coarse
+from pcsr.sensors.calibration import Calibration
+from pcsr.sensors.calibration_file import LARGEST, LONGEST_NAME
+from pcsr.sensors.colour import check_exposure
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
 from pcsr.sensors.fitting import Fit, Place, fit
 from pcsr.sensors.gels import Gel
@@ -25,15 +30,35 @@ ODD_ANGLE = np.radians(6.0)
 """Deviation in radians up to which no press is refused."""
 
 
+MOST_REASONS = 20
+"""Most refused presses that a message lists."""
+MEMORY = 60
+"""Bytes that a pixel of each press takes."""
+
+
 @dataclass(frozen=True)
 class Calibrated:
-    """A calibration, and how it was made."""
+    """A calibration, and how it was made.
+
+    Examples:
+        >>> from pcsr.sensors import PressImage, ball_indentation, calibrate, gel, shaded
+        >>> def pressed(x, y):
+        ...     return shaded(ball_indentation((120, 160), 0.12, 6.0, 0.8, (x, y)), 0.12)
+        >>> places = [(x, y) for x in (40.0, 80.0, 120.0) for y in (35.0, 60.0, 85.0)]
+        >>> presses = [PressImage(f"{x} {y}", pressed(x, y), 6.0) for x, y in places]
+        >>> background = shaded(np.zeros((120, 160)), 0.12)
+        >>> made = calibrate(presses, background, mm_per_pixel=0.12, sensor="mine", gel=gel("mine"), count=6)
+        >>> len(made.places), len(made.held_out), made.refused
+        (6, 3, {})
+    """
 
     calibration: Calibration
-    places: dict[str, tuple[Press, Place]]
-    """Each press that the calibration was fitted to, and where its ball was found, by name."""
+    places: dict[str, Place]
+    """Where the ball lies in each press that the calibration was fitted to, by the name of the press."""
     held_out: list[PressFigures]
     """Each held-out press, measured by a calibration that was fitted without it."""
+    fits: int
+    """Number of the fits of a cross-validation, each without some presses; 0 if the held-out presses are in no fit."""
     refused: dict[str, str]
     """Names of presses that cannot be used, with the reasons."""
 
@@ -43,6 +68,14 @@ def median_background(images: Sequence[Image]) -> Image:
 
     Raises:
         UserError: there are fewer than 5 images, or their sizes differ.
+
+    Examples:
+        >>> from pcsr.sensors import ball_indentation, median_background, shaded
+        >>> centres = [(x, y) for x in (15.0, 65.0) for y in (15.0, 30.0, 45.0)]
+        >>> images = [shaded(ball_indentation((60, 80), 0.2, 6.0, 0.3, centre), 0.2) for centre in centres]
+        >>> untouched = shaded(np.zeros((60, 80)), 0.2)
+        >>> float(abs(median_background(images) - untouched.astype(float)).mean()) < 1
+        True
     """
     if len(images) < FEWEST:
         raise UserError(f"the median of {len(images)} presses is no background: give {FEWEST}, or a background")
@@ -78,23 +111,28 @@ def calibrate(
         progress: called with the number of finished fits and their total.
 
     Raises:
-        UserError: fewer than 5 presses can be used; the message lists the reasons.
+        UserError: an argument is out of range, two presses have one name, the background is black or saturated, or
+            fewer than 5 presses can be used; the message lists the reasons.
 
     Examples:
-        >>> from pcsr.sensors import PressImage, calibrate, gel
-        >>> presses = [PressImage(path.name, pcsr.sensors.read_rgb(path), 6.0) for path in Path("presses").iterdir()]
-        >>> background = pcsr.sensors.read_rgb("background.png")
-        >>> made = calibrate(presses, background, mm_per_pixel=0.1, sensor="my-sensor", gel=gel("my-sensor"))
-        >>> made.calibration.figures.radius_median < 0.1
+        >>> from pcsr.sensors import PressImage, ball_indentation, calibrate, gel, shaded
+        >>> def pressed(x, y):
+        ...     return shaded(ball_indentation((120, 160), 0.12, 6.0, 0.8, (x, y)), 0.12)
+        >>> places = [(x, y) for x in (40.0, 80.0, 120.0) for y in (35.0, 60.0, 85.0)]
+        >>> presses = [PressImage(f"{x} {y}", pressed(x, y), 6.0) for x, y in places]
+        >>> background = shaded(np.zeros((120, 160)), 0.12)
+        >>> made = calibrate(presses, background, mm_per_pixel=0.12, sensor="mine", gel=gel("mine"))
+        >>> made.calibration.figures.radius_median < 0.05
         True
     """
+    _check(presses, test, background, mm_per_pixel, sensor, count)
     refused: dict[str, str] = {}
     usable = _usable(presses, background, mm_per_pixel, refused)
-    held = _usable(test, background, mm_per_pixel, refused)
     radii = gel.radii(background.shape[1], background.shape[0])
     sag = np.zeros(2) if radii is None else mm_per_pixel / np.array(radii)
     chosen, whole = _fitted(usable, count, sag, refused)
-    held += [press for press in usable if press not in chosen and press.name not in refused]
+    held = [press for press in usable if press not in chosen and press.name not in refused]
+    held += _usable(test, background, mm_per_pixel, refused)
     folds = [] if held else [chosen[first::FOLDS] for first in range(min(FOLDS, len(chosen)))]
 
     def made(fitted: Fit, figures: Figures) -> Calibration:
@@ -109,8 +147,43 @@ def calibrate(
         progress(2 + number, 1 + len(folds))
     if not results:
         raise UserError(f"none of {len(held) or len(chosen)} held-out presses shows a whole ball{_reasons(refused)}")
-    places = {press.name: (press, place) for press, place in zip(chosen, whole.places, strict=True)}
-    return Calibrated(made(whole, summary(results)), places, results, refused)
+    places = {press.name: place for press, place in zip(chosen, whole.places, strict=True)}
+    return Calibrated(made(whole, summary(results)), places, results, len(folds), refused)
+
+
+def _check(
+    presses: Sequence[PressImage],
+    test: Sequence[PressImage],
+    background: Image,
+    mm_per_pixel: float,
+    sensor: str,
+    count: int | None,
+) -> None:
+    if not 0 < mm_per_pixel <= LARGEST:
+        raise UserError(f"mm_per_pixel is {mm_per_pixel:g}: it must be more than 0 and at most {LARGEST:g}")
+    if not 0 < len(sensor) <= LONGEST_NAME:
+        raise UserError(f"the sensor's name has {len(sensor)} characters: it must have 1 to {LONGEST_NAME}")
+    if not sensor.isprintable():
+        raise UserError(f"the sensor's name is {sensor!r}: it must have no control characters")
+    if count is not None and count < FEWEST:
+        raise UserError(f"{count} presses are no calibration: fit at least {FEWEST}, better 12")
+    names = Counter(press.name for press in (*presses, *test))
+    for name, times in names.items():
+        if times > 1:
+            raise UserError(f"{times} presses are called '{name}': give each a name of its own")
+    for press in (*presses, *test):
+        if not 0 < press.diameter <= LARGEST:
+            raise UserError(
+                f"{press.name}: a ball of {press.diameter:g} mm: the diameter must be more than 0 and at most "
+                f"{LARGEST:g} mm"
+            )
+    rows, columns = background.shape[:2]
+    check_exposure(background, "the background")
+    check_memory(
+        MEMORY * rows * columns * names.total(),
+        f"calibration with {names.total()} presses of {columns} x {rows} pixels",
+        "make the images smaller, as 320 x 240 are enough",
+    )
 
 
 def _usable(
@@ -141,8 +214,8 @@ def _fitted(
         refused.update(reasons)
         left = [press for press in left if press.name not in reasons]
     raise UserError(
-        f"{len(left)} of {len(presses) + len(refused) - len(set(refused) & {p.name for p in presses})} presses can be "
-        f"used, and a calibration needs {FEWEST}, better 12, spread over the gel{_reasons(refused)}"
+        f"{len(left)} of {len(left) + len(refused)} presses can be used, and a calibration needs {FEWEST}, better 12, "
+        f"spread over the gel{_reasons(refused)}"
     )
 
 
@@ -171,5 +244,7 @@ def _measured(calibration: Calibration, presses: Sequence[Press], refused: dict[
 
 
 def _reasons(refused: dict[str, str]) -> str:
-    """Return the reasons of refused presses, a line each."""
-    return "".join(f"\n  {name}: {reason}" for name, reason in refused.items())
+    """Return the reasons of refused presses, a line each, and the number of those that are not listed."""
+    lines = [f"\n  {name}: {reason}" for name, reason in list(refused.items())[:MOST_REASONS]]
+    more = len(refused) - len(lines)
+    return "".join(lines) + (f"\n  and {more} more" if more else "")

@@ -1,6 +1,6 @@
 """Calibration of a tactile sensor: converts its images to indentations and points in contact."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,9 @@ from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
-from pcsr.sensors.colour import changed, colour_change
+from pcsr.sensors.backgrounds import OTHER_SENSOR, coarse
+from pcsr.sensors.calibration_file import read_fields, write_fields
+from pcsr.sensors.colour import changed, check_exposure, colour_change
 from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
@@ -20,18 +22,28 @@ SHALLOWEST = 0.05
 """Greatest indentation, in millimetres, up to which an image shows no contact."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """Calibration of a camera-based tactile sensor, such as a DIGIT or a GelSight.
 
     `pcsr.sensors.calibrate` makes one from images of a ball that is pressed into the gel.
 
     Examples:
-        >>> calibration = pcsr.sensors.Calibration.load("my-sensor.json")
-        >>> image, background = pcsr.sensors.read_rgb("bolt.png"), pcsr.sensors.read_rgb("background.png")
-        >>> reading = calibration.read(image, background)
-        >>> reading.points.shape[1], reading.errors.shape == reading.points.shape[:1]
-        (3, True)
+        >>> from pcsr.sensors import Calibration, PressImage, ball_indentation, calibrate, gel, shaded
+        >>> def pressed(x, y):
+        ...     return shaded(ball_indentation((120, 160), 0.12, 6.0, 0.8, (x, y)), 0.12)
+        >>> places = [(x, y) for x in (40.0, 80.0, 120.0) for y in (35.0, 60.0, 85.0)]
+        >>> presses = [PressImage(f"{x} {y}", pressed(x, y), 6.0) for x, y in places]
+        >>> background = shaded(np.zeros((120, 160)), 0.12)
+        >>> made = calibrate(presses, background, mm_per_pixel=0.12, sensor="mine", gel=gel("mine"))
+        >>> made.calibration.save("mine.json")
+        >>> reading = Calibration.load("mine.json").read(pressed(70.0, 50.0), background)
+        >>> print(f"{reading.indentation.max():.1f} mm")
+        0.8 mm
+        >>> made.calibration.check_background(background // 3, "a darker image")
+        Traceback (most recent call last):
+            ...
+        pcsr.errors.UserError: a darker image differs by ...
     """
 
     sensor: str
@@ -51,16 +63,14 @@ class Calibration:
     background: Float[np.ndarray, "r c 3"]
     """Mean colours of the background of the calibration in a coarse grid, by which another sensor's is recognized."""
 
-    @staticmethod
-    def load(path: Path | str) -> "Calibration":
+    @classmethod
+    def load(cls, path: Path | str) -> "Calibration":
         """Read a calibration from a JSON file.
 
         Raises:
             UserError: the file does not exist, is damaged, or holds numbers that no calibration has.
         """
-        from pcsr.sensors.calibration_file import load
-
-        return load(Path(path))
+        return cls(**read_fields(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the calibration to a JSON file.
@@ -68,27 +78,7 @@ class Calibration:
         Raises:
             RunError: the file cannot be written.
         """
-        from pcsr.sensors.calibration_file import save
-
-        save(self, Path(path))
-
-    def slopes(
-        self, change: Float[np.ndarray, "rows columns 3"]
-    ) -> tuple[Float[np.ndarray, "rows columns 2"], Bool[np.ndarray, "rows columns"]]:
-        """Compute the slopes of the indentation along x (columns) and y (rows).
-
-        Args:
-            change: change of colour in per cent, of `pcsr.sensors.colour.colour_change`.
-
-        Returns:
-            The slopes, 0 where the colour did not change; and the mask of the pixels where it did.
-        """
-        touched = changed(change)
-        rows, columns = np.nonzero(touched)
-        found = np.zeros((*touched.shape, 2))
-        values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
-        found[rows, columns] = polynomial.slopes(values, self.coefficients)
-        return found, touched
+        write_fields(Path(path), {field.name: getattr(self, field.name) for field in fields(self)})
 
     def read(self, image: Image, background: Image) -> Reading:
         """Measure a touch.
@@ -102,8 +92,9 @@ class Calibration:
                 almost everywhere; or the background is of another sensor.
             NoContactError: there is no contact.
         """
-        self._check(image, background)
-        slopes, touched = self.slopes(colour_change(image, background))
+        self._check_size(image, "it")
+        self.check_background(background, "its background")
+        slopes, touched = slopes_of(colour_change(image, background), self.coefficients)
         indentation = integrated(slopes) * self.mm_per_pixel
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
         contact = in_contact(indentation, at_least=SHALLOWEST)
@@ -130,28 +121,48 @@ class Calibration:
             view=None if self.gel.dome else (self.columns * self.mm_per_pixel, self.rows * self.mm_per_pixel),
         )
 
-    def _check(self, image: Image, background: Image) -> None:
-        for one, what in ((image, "it"), (background, "its background")):
-            if one.shape[:2] != (self.rows, self.columns):
-                raise UserError(
-                    f"{what} has {one.shape[1]} x {one.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
-                    f"is for {self.columns} x {self.rows}: use images as the calibration had"
-                )
+    def check_background(self, background: Image, what: str) -> None:
+        """Check that an image can be the background of touches by this sensor.
+
+        Args:
+            background: the image.
+            what: what it is, for the message: "its background".
+
+        Raises:
+            UserError: its size is another, it is black or saturated, or it is of another sensor.
+        """
+        self._check_size(background, what)
+        check_exposure(background, what)
         apart = float(np.abs(coarse(background) - self.background).mean() / self.background.mean())
         if apart > OTHER_SENSOR:
             raise UserError(
-                f"its background differs by {apart:.0%} from that of the calibration: it is of another sensor than "
+                f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "
                 f"'{self.sensor}', or of another light; calibrate that one"
             )
 
+    def _check_size(self, image: Image, what: str) -> None:
+        if image.shape[:2] != (self.rows, self.columns):
+            raise UserError(
+                f"{what} has {image.shape[1]} x {image.shape[0]} pixels, but the calibration of sensor '{self.sensor}' "
+                f"is for {self.columns} x {self.rows}: use images as the calibration had"
+            )
 
-OTHER_SENSOR = 0.4
-"""Mean difference of two backgrounds' colours, as a share of their mean, above which they are of different sensors."""
-GRID = (6, 8)
-"""Rows and columns of the coarse grid of a background."""
 
+def slopes_of(
+    change: Float[np.ndarray, "rows columns 3"], coefficients: Float[np.ndarray, "k 2"]
+) -> tuple[Float[np.ndarray, "rows columns 2"], Bool[np.ndarray, "rows columns"]]:
+    """Compute the slopes of the indentation along x (columns) and y (rows).
 
-def coarse(background: Image) -> Float[np.ndarray, "r c 3"]:
-    """Return the mean colours of a background in a coarse grid."""
-    parts = [np.array_split(rows, GRID[1], axis=1) for rows in np.array_split(background, GRID[0], axis=0)]
-    return np.array([[part.mean((0, 1)) for part in row] for row in parts])
+    Args:
+        change: change of colour in per cent, of `pcsr.sensors.colour.colour_change`.
+        coefficients: coefficients of a calibration.
+
+    Returns:
+        The slopes, 0 where the colour did not change; and the mask of the pixels where it did.
+    """
+    touched = changed(change)
+    rows, columns = np.nonzero(touched)
+    found = np.zeros((*touched.shape, 2))
+    values = polynomial.monomials(change[rows, columns], rows * 1.0, columns * 1.0, touched.shape)
+    found[rows, columns] = polynomial.slopes(values, coefficients)
+    return found, touched

@@ -1,9 +1,10 @@
 """JSON file of a calibration: plain numbers, checked when they are read."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -12,19 +13,23 @@ from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.inputs import read_bytes
 from pcsr.limits import MOST_PIXELS
-from pcsr.sensors.calibration import GRID, Calibration
+from pcsr.sensors.backgrounds import GRID
 from pcsr.sensors.figures import Figures
 from pcsr.sensors.gels import Gel
 from pcsr.sensors.polynomial import EXPONENTS
 from pcsr.validation_messages import described
 
-LARGEST = 1 << 20
+LARGEST_FILE = 1 << 20
 """Greatest size of the file in bytes."""
+LARGEST = 1e3
+"""Greatest length in millimetres: side of a pixel, radius of a dome, diameter of a ball."""
+LONGEST_NAME = 200
+"""Most characters of a sensor's name."""
 LARGEST_COEFFICIENT = 1e3
 """Greatest size of a coefficient: changes of colour are of the order of 1, and angles at most 1.4."""
 
 Coefficient = Annotated[float, Field(ge=-LARGEST_COEFFICIENT, le=LARGEST_COEFFICIENT)]
-Positive = Annotated[float, Field(gt=0, le=1e3)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 Side = Annotated[int, Field(ge=8, le=1 << 14)]
 Level = Annotated[float, Field(ge=0, le=255)]
@@ -52,7 +57,7 @@ class _Figures(_Strict):
 
 class _File(_Strict):
     format: Literal[1]
-    sensor: Annotated[str, Field(min_length=1, max_length=200)]
+    sensor: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
     columns: Side
     rows: Side
     mm_per_pixel: Positive
@@ -65,34 +70,34 @@ class _File(_Strict):
     ]
 
 
-def save(calibration: Calibration, path: Path) -> None:
-    """Write a calibration.
+def write_fields(path: Path, fields: Mapping[str, Any]) -> None:
+    """Write the fields of a calibration.
 
     Raises:
         RunError: the file cannot be written.
     """
     plain = {
         "format": 1,
-        "sensor": calibration.sensor,
-        "columns": calibration.columns,
-        "rows": calibration.rows,
-        "mm_per_pixel": calibration.mm_per_pixel,
-        "gel": asdict(calibration.gel),
-        "held_out": asdict(calibration.figures),
-        "background": calibration.background.round(1).tolist(),
-        "coefficients": calibration.coefficients.tolist(),
+        "sensor": fields["sensor"],
+        "columns": fields["columns"],
+        "rows": fields["rows"],
+        "mm_per_pixel": fields["mm_per_pixel"],
+        "gel": asdict(fields["gel"]),
+        "held_out": asdict(fields["figures"]),
+        "background": fields["background"].tolist(),
+        "coefficients": fields["coefficients"].tolist(),
     }
     lines = ",\n".join(f" {json.dumps(key)}: {json.dumps(value)}" for key, value in plain.items())
     write_text(path, f"{{\n{lines}\n}}\n")
 
 
-def load(path: Path) -> Calibration:
-    """Read a calibration.
+def read_fields(path: Path) -> dict[str, Any]:
+    """Read the fields of a calibration.
 
     Raises:
         UserError: the file does not exist, is no JSON, or holds numbers that no calibration has.
     """
-    data = read_bytes(path, most=LARGEST)
+    data = read_bytes(path, most=LARGEST_FILE)
     try:
         file = _File.model_validate_json(data)
     except ValidationError as error:
@@ -102,16 +107,16 @@ def load(path: Path) -> Calibration:
     background = np.array(file.background) if _is_grid(file.background) else np.zeros(0)
     if background.size == 0 or background.mean() == 0:
         raise UserError(f"{path}: background must be {GRID[0]} rows of {GRID[1]} colours, as calibration writes it")
-    return Calibration(
-        sensor=file.sensor,
-        gel=Gel(file.gel.dome, file.gel.thickness),
-        columns=file.columns,
-        rows=file.rows,
-        mm_per_pixel=file.mm_per_pixel,
-        coefficients=np.array(file.coefficients),
-        figures=Figures(**file.held_out.model_dump()),
-        background=background,
-    )
+    return {
+        "sensor": file.sensor,
+        "gel": Gel(file.gel.dome, file.gel.thickness),
+        "columns": file.columns,
+        "rows": file.rows,
+        "mm_per_pixel": file.mm_per_pixel,
+        "coefficients": np.array(file.coefficients),
+        "figures": Figures(**file.held_out.model_dump()),
+        "background": background,
+    }
 
 
 def _is_grid(background: list[list[list[float]]]) -> bool:

@@ -36,8 +36,8 @@ def colour_change(image: Image, background: Image) -> Float[np.ndarray, "rows co
     if image.shape != background.shape:
         sizes = [f"{one.shape[1]} x {one.shape[0]}" for one in (image, background)]
         raise UserError(f"it has {sizes[0]} pixels, but its background {sizes[1]}: use images of one size")
-    _check_exposure(background, "its background")
-    _check_exposure(image, "it")
+    check_exposure(background, "its background")
+    check_exposure(image, "it")
     change: Float[np.ndarray, "rows columns 3"] = np.subtract(image, background, dtype=np.float64)
     change -= [_median(image[..., k].astype(np.int16) - background[..., k]) for k in range(3)]
     change *= 100 / np.maximum(background, DARKEST)
@@ -69,7 +69,16 @@ def _median(levels: np.ndarray) -> float:
     return float(np.searchsorted(counts, levels.size / 2)) - 255
 
 
-def _check_exposure(image: Image, what: str) -> None:
+def check_exposure(image: Image, what: str) -> None:
+    """Check that an image is neither black nor saturated.
+
+    Args:
+        image: the image.
+        what: what it is, for the message: "it", "its background".
+
+    Raises:
+        UserError: it is.
+    """
     if image.mean() < BLACK:
         raise UserError(f"{what} is black, at a mean level of {image.mean():.1f} of 255: was the light on?")
     share = ((image[..., 0] == 255) | (image[..., 1] == 255) | (image[..., 2] == 255)).mean()

@@ -31,9 +31,16 @@ FOLDS = 6
 """Number of parts of the presses in the cross-validation of the weight."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Place:
-    """Where a ball lies in its image, in pixels."""
+    """Where a ball lies in its image, in pixels.
+
+    Examples:
+        >>> from pcsr.sensors import Place
+        >>> place = Place(np.array([160.0, 120.0]), rim=31.0, residual=0.05)
+        >>> print(f"{np.degrees(place.residual):.1f} degrees")
+        2.9 degrees
+    """
 
     centre: Float[np.ndarray, "2"]
     """Column and row of the ball's centre."""

@@ -14,7 +14,9 @@ class Gel:
 
     Examples:
         >>> from pcsr.sensors import gel
-        >>> gel("digit").sag(np.array([[0.0, 5.0]])).round(2)  # where the view is wider than high
+        >>> gel("digit").radii(320, 240)  # where the image is wider than high
+        (50.0, 23.0)
+        >>> gel("digit").sag(np.array([[0.0, 5.0]]), 320, 240).round(2)
         array([0.54])
     """
 

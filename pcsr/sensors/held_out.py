@@ -4,7 +4,7 @@ import numpy as np
 
 from pcsr.errors import UserError
 from pcsr.sensors.balls import distance_to_ball, fitted_sphere, rim_radius, voted_centre
-from pcsr.sensors.calibration import SHALLOWEST, Calibration
+from pcsr.sensors.calibration import SHALLOWEST, Calibration, slopes_of
 from pcsr.sensors.contact import in_contact
 from pcsr.sensors.figures import PressFigures
 from pcsr.sensors.fitting import INNER, START
@@ -27,7 +27,7 @@ def measured(calibration: Calibration, press: Press) -> PressFigures:
         UserError: the calibration finds no whole ball.
     """
     gel, scale = calibration.gel, calibration.mm_per_pixel
-    found, touched = calibration.slopes(press.change)
+    found, touched = slopes_of(press.change, calibration.coefficients)
     indentation = integrated(found)
     indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
     height, width = indentation.shape

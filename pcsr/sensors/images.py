@@ -22,14 +22,21 @@ Image = UInt8[np.ndarray, "_ _ 3"]
 """Colour image of a camera: red, green and blue of each pixel, from 0 to 255."""
 
 
-def read_rgb(path: Path) -> Image:
+def read_rgb(path: Path | str) -> Image:
     """Read a colour image.
 
     Raises:
         UserError: the file does not exist, is damaged or cut off, is no PNG, JPEG or BMP, or has no colours.
+
+    Examples:
+        >>> from PIL import Image
+        >>> Image.new("RGB", (160, 120), "gray").save("0.png")
+        >>> pcsr.sensors.read_rgb("0.png").shape
+        (120, 160, 3)
     """
     from PIL import Image as Pillow
 
+    path = Path(path)
     data = read_bytes(path, most=LARGEST)
     try:
         with warnings.catch_warnings():

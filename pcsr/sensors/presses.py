@@ -25,9 +25,16 @@ CUT_OFF = "the ball is cut off by the edge of the image"
 """Reason why a press is refused whose contact is not wholly in view."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PressImage:
-    """Image of a ball that is pressed into the gel."""
+    """Image of a ball that is pressed into the gel.
+
+    Examples:
+        >>> from pcsr.sensors import PressImage, ball_indentation, shaded
+        >>> image = shaded(ball_indentation((120, 160), 0.12, 6.0, 0.8, (80.0, 60.0)), 0.12)
+        >>> PressImage("0.png", image, diameter=6.0).image.shape
+        (120, 160, 3)
+    """
 
     name: str
     image: Image

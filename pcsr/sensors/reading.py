@@ -6,12 +6,20 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """Indentation of a gel, and the points in contact with it. Lengths are in millimetres.
 
     The sensor's frame has its origin at the centre of the untouched gel's face, x to the right of the image, y up, and
     z out of the object into the gel.
+
+    Examples:
+        >>> from pcsr.sensors import Reading
+        >>> points = np.array([[0.0, 0.0, 0.5]])
+        >>> mask = np.ones((1, 1), bool)
+        >>> reading = Reading(np.full((1, 1), 0.5), mask, points, np.array([0.02]), area=0.01, view=None)
+        >>> reading.points[:, 2] / reading.errors
+        array([25.])
     """
 
     indentation: Float[np.ndarray, "rows columns"]

@@ -36,8 +36,8 @@ def ball_indentation(
 
     Examples:
         >>> from pcsr.sensors import ball_indentation
-        >>> ball_indentation((60, 80), 0.1, 6.0, 0.5, (40.0, 30.0)).max()
-        0.5
+        >>> print(f"{ball_indentation((60, 80), 0.1, 6.0, 0.5, (40.0, 30.0)).max():.2f} mm")
+        0.50 mm
     """
     rows, columns = np.mgrid[: size[0], : size[1]]
     distance = np.hypot(columns - centre[0], rows - centre[1]) * mm_per_pixel

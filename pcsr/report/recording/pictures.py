@@ -7,7 +7,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from pcsr.clouds.touch import Touch
-from pcsr.report.colours import VALUE_SCALE
+from pcsr.report.colours import value_colours
 from pcsr.report.recording.facts import in_sensors
 
 LONGEST = 160
@@ -45,7 +45,4 @@ def _coloured(depth: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 4"]:
     shown = np.isfinite(depth)
     low, high = min(float(depth[shown].min()), 0.0), float(depth[shown].max())
     share = (np.where(shown, depth, low) - low) / ((high - low) or 1.0)
-    places = [place for place, _ in VALUE_SCALE]
-    colours = np.array([list(bytes.fromhex(colour[1:])) for _, colour in VALUE_SCALE])
-    channels = [np.interp(share, places, colours[:, k]) for k in range(3)]
-    return np.stack([*channels, 255 * shown], axis=-1).round().astype(np.uint8)
+    return np.dstack([value_colours(share), np.where(shown, 255, 0).astype(np.uint8)])

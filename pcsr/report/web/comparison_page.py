@@ -10,8 +10,7 @@ from urllib.parse import quote
 from pcsr.report.tables.comparison import Comparison
 from pcsr.report.tables.comparison_tables import tables
 from pcsr.report.tables.settings import settings_that_differ
-from pcsr.report.tables.text_table import TextTable
-from pcsr.report.web.document import document, table
+from pcsr.report.web.document import document, text_table
 from pcsr.results import Results
 
 
@@ -28,20 +27,8 @@ def comparison_page(
     """
     different = settings_that_differ(compared)
     shown = [*tables(compared), *([] if different is None else [different])]
-    body = f"<h1>{html.escape(compared.name)}</h1>" + "".join(map(_table, shown)) + _figures(figures)
+    body = f"<h1>{html.escape(compared.name)}</h1>" + "".join(map(text_table, shown)) + _figures(figures)
     return document(compared.name, body + _reports(compared.runs, folders, beside))
-
-
-def _table(shown: TextTable) -> str:
-    lines = [[_cell(cell, (i, k) in shown.bold) for k, cell in enumerate(line)] for i, line in enumerate(shown.cells)]
-    body = table([html.escape(head) for head in shown.heads], lines)
-    note = f'<p class="note">{html.escape(shown.note)}</p>'
-    return f"<section><h2>{html.escape(shown.title)}</h2>{body}{note}</section>"
-
-
-def _cell(cell: str, bold: bool) -> str:
-    first, *more = html.escape(cell).split("\n")
-    return "<br>".join([f"<strong>{first}</strong>" if bold else first, *more])
 
 
 def _figures(figures: Mapping[str, bytes] | str) -> str:

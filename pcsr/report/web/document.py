@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 from pcsr.extras import imported
+from pcsr.report.tables.text_table import TextTable
 
 
 def plotly_source() -> str:
@@ -59,6 +60,19 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         f'<tr><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in rest)}</tr>' for first, *rest in rows
     )
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
+
+
+def text_table(shown: TextTable) -> str:
+    """HTML section of a table of plain text, with its title and note."""
+    lines = [[_cell(cell, (i, k) in shown.bold) for k, cell in enumerate(line)] for i, line in enumerate(shown.cells)]
+    body = table([html.escape(head) for head in shown.heads], lines)
+    note = f'<p class="note">{html.escape(shown.note)}</p>'
+    return f"<section><h2>{html.escape(shown.title)}</h2>{body}{note}</section>"
+
+
+def _cell(cell: str, bold: bool) -> str:
+    first, *more = html.escape(cell).split("\n")
+    return "<br>".join([f"<strong>{first}</strong>" if bold else first, *more])
 
 
 def _json(data: Any) -> str:

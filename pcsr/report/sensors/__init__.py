@@ -1,0 +1,1 @@
+"""Pictures of what camera-based tactile sensors see and measure."""

@@ -1,0 +1,37 @@
+"""Shapes of gels by the names of sensors."""
+
+import numpy as np
+import pytest
+
+from pcsr import UserError
+from pcsr.sensors import GELS, Gel, gel
+
+
+def test_known_sensors_have_their_gel_and_others_a_flat_one():
+    assert gel("digit") == GELS["digit"]
+    assert gel("gelsight-mini").thickness == 4.25
+    assert gel("my own") == Gel(None, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "right"), [("DIGIT", "digit"), ("GelSight Mini", "gelsight-mini"), ("gelsight_mini", "gelsight-mini")]
+)
+def test_another_spelling_of_a_known_sensor_is_named(name, right):
+    with pytest.raises(UserError, match=f"sensor '{name}' is written '{right}'"):
+        gel(name)
+
+
+def test_the_first_radius_is_that_along_the_longer_side_of_the_image():
+    dome = Gel(dome=(50.0, 23.0))
+    assert dome.radii(320, 240) == (50.0, 23.0)
+    assert dome.radii(240, 320) == (23.0, 50.0)
+    assert Gel().radii(320, 240) is None
+
+
+def test_the_sag_is_that_of_a_parabola_and_close_to_a_sphere():
+    points = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, -4.0], [3.0, -4.0]])
+    np.testing.assert_allclose(Gel((30.0, 20.0)).sag(points, 4, 3), [0, 0.15, 0.4, 0.55])
+    np.testing.assert_allclose(Gel((30.0, 20.0)).sag(points, 3, 4), [0, 0.225, 4 / 15, 0.225 + 4 / 15])
+    ball = 30 - np.sqrt(30**2 - (points**2).sum(1))
+    np.testing.assert_allclose(Gel((30.0, 30.0)).sag(points, 4, 3), ball, atol=0.004)
+    assert not Gel().sag(points, 4, 3).any()
