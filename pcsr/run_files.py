@@ -78,7 +78,7 @@ def read_results_of(folder: Path) -> FinishedRun:
 
 def is_run_folder(folder: Path) -> bool:
     """Whether a folder holds a file by which run folders are known."""
-    return any((folder / name).is_file() for name in (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY))
+    return any((folder / name).is_file() for name in (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY, EXAMPLES))
 
 
 def check_run_folder(folder: Path) -> None:
