@@ -27,11 +27,11 @@ def _all_metrics(compared: Comparison) -> TextTable:
     with_touch = any(run.touch for run in compared.runs)
     heads = ["", *(scaled(metric, note.scale) for metric, note in compared.metrics.items())]
     heads += [*([EFFICIENCY] if with_touch else []), "parameters", "s/cloud", "s/epoch"]
-    decimals = _decimals(compared)
+    digits_of = decimals(compared)
     cells, bold = [], set()
     for number, row in enumerate(compared.rows):
         line = [row.marked]
-        for metric, digits in decimals.items():
+        for metric, digits in digits_of.items():
             if compared.best[metric] == number:
                 bold.add((number, len(line)))
             text = f"{row.mean(metric):.{digits}f}"
@@ -47,10 +47,15 @@ def _all_metrics(compared: Comparison) -> TextTable:
     return TextTable(compared.name, heads, cells, _note(compared, with_touch=with_touch), frozenset(bold))
 
 
-def _decimals(compared: Comparison) -> dict[str, int]:
+def decimals(compared: Comparison) -> dict[str, int]:
     """Decimals of each metric."""
     rivals = [row for row in compared.rows if not row.bound]
     return {metric: decimals_of(min(row.mean(metric) for row in rivals)) for metric in compared.metrics}
+
+
+def difference_decimals(compared: Comparison) -> dict[str, int]:
+    """Decimals of the differences in each metric: one more than the means have."""
+    return {metric: digits + 1 for metric, digits in decimals(compared).items()}
 
 
 def _note(compared: Comparison, *, with_touch: bool) -> str:
@@ -86,11 +91,11 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
 
 def _differences_from_first(compared: Comparison) -> TextTable | None:
     """Paired differences with intervals, p-values and wins; None without a row of the same clouds."""
-    first, decimals = compared.first, _decimals(compared)
+    first, digits_of = compared.first, difference_decimals(compared)
     cells = [
         [
             row.marked,
-            *(_difference_cell(each[number], row, decimals[metric]) for metric, each in compared.differences.items()),
+            *(difference_text(each[number], row, digits_of[metric]) for metric, each in compared.differences.items()),
         ]
         for number, row in enumerate(compared.rows)
         if any(each[number] is not None for each in compared.differences.values())
@@ -112,13 +117,14 @@ def _differences_from_first(compared: Comparison) -> TextTable | None:
     return TextTable(f"Differences from {first.label}", heads, cells, f"{note}.")
 
 
-def _difference_cell(difference: Difference | None, row: Row, digits: int) -> str:
+def difference_text(difference: Difference | None, row: Row, digits: int) -> str:
+    """Difference as text, such as ``-0.12 [-0.20, -0.03]``, and on a second line p-value, wins and seeds."""
     if difference is None:
         return ""
-    text = f"{difference.mean:+.{digits}f}"
+    text = f"{difference.mean:+z.{digits}f}"
     if difference.interval is not None:
         low, high = difference.interval
-        text += f" [{low:+.{digits}f}, {high:+.{digits}f}]"
+        text += f" [{low:+z.{digits}f}, {high:+z.{digits}f}]"
     facts = [] if difference.p_value is None else [p_text(difference.p_value)]
     facts.append(f"{difference.wins}/{len(row.runs[0].objects)} wins")
     if difference.better_seeds is not None:
@@ -150,7 +156,7 @@ def _over_setting(compared: Comparison) -> TextTable | None:
     columns = sorted({number for of_label in by_label.values() for number in of_label})
     if len(columns) < 2:
         return None
-    digits = _decimals(compared)[metric]
+    digits = decimals(compared)[metric]
 
     def cell(row: Row | None) -> str:
         return "" if row is None else f"{row.mean(metric):.{digits}f}" + row.published_line(metric)

@@ -4,12 +4,16 @@ import html
 import os
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
+from pcsr.report.colours import row_colours
 from pcsr.report.tables.comparison import Comparison
 from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.report.tables.settings import settings_that_differ
+from pcsr.report.web.difference_chart import difference_chart
 from pcsr.report.web.document import document, text_table
 from pcsr.results import Results
 
@@ -25,17 +29,45 @@ def comparison_page(
         beside: folder of the page, from which the reports are linked.
         figures: WebP files by name, or the reason why there are none.
     """
+    colours = row_colours(compared.rows)
+    by_label = {row.marked: colour for row, colour in zip(compared.rows, colours, strict=True)}
+    first, *others = tables(compared)
     different = settings_that_differ(compared)
-    shown = [*tables(compared), *([] if different is None else [different])]
-    body = f"<h1>{html.escape(compared.name)}</h1>" + "".join(map(text_table, shown)) + _figures(figures)
-    return document(compared.name, body + _reports(compared.runs, folders, beside))
+    body = "".join(
+        (
+            f'<h1>{html.escape(compared.name)}</h1><p class="lead">{_lead(compared)}</p>',
+            text_table(replace(first, title="Results"), by_label),
+            difference_chart(compared, colours),
+            *(text_table(table, by_label) for table in others),
+            "" if different is None else text_table(different, by_label, words=True),
+            _figures(figures),
+            _reports(compared.runs, folders, beside),
+        )
+    )
+    return document(compared.name, body)
+
+
+def _lead(compared: Comparison) -> str:
+    """Number of runs, and the tables as files that the page holds."""
+    written = {
+        "csv": ("text/csv", comma_separated(compared)),
+        "tex": ("application/x-tex", latex(tables(compared), compared.name)),
+        "md": ("text/markdown", markdown(tables(compared))),
+    }
+    links = ", ".join(
+        f'<a download="{html.escape(compared.name)}.{suffix}" href="data:{kind};charset=utf-8;base64,'
+        f'{b64encode(text.encode()).decode()}">{name}</a>'
+        for name, (suffix, (kind, text)) in zip(("CSV", "LaTeX", "Markdown"), written.items(), strict=True)
+    )
+    count = len(compared.runs)
+    return f"{count} run{'s' if count != 1 else ''}. The tables as files: {links}."
 
 
 def _figures(figures: Mapping[str, bytes] | str) -> str:
     if isinstance(figures, str):
         return f'<section><h2>Figures</h2><p class="note">None: {html.escape(figures)}</p></section>'
     shown = "".join(
-        f'<p><img alt="{html.escape(name)}" style="max-width: 100%" '
+        f'<p><img alt="{html.escape(name)}" style="max-width: 100%; height: auto" '
         f'src="data:image/webp;base64,{b64encode(image).decode()}"></p>'
         for name, image in figures.items()
     )

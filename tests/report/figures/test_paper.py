@@ -14,7 +14,7 @@ from safetensors.numpy import save_file
 from pcsr import report
 from pcsr.errors import RunError, UserError
 from pcsr.report.cloud_errors import distance, scale_end
-from pcsr.report.colours import ERROR_SCALE, INPUT, TOUCH
+from pcsr.report.colours import ERROR_SCALE, INPUT, SERIES, TOUCH
 from pcsr.report.figures import paper
 from pcsr.report.figures.canvas import encoded, error_colours
 from pcsr.report.figures.clouds import camera
@@ -181,11 +181,11 @@ def test_a_network_without_error_is_all_in_the_first_colour(tmp_path, results, c
 
 @pytest.fixture
 def charts(monkeypatch):
-    """What charts are asked to show: x and lines by title."""
+    """What charts are asked to show: x, lines and their colours by title."""
     asked = {}
 
-    def draw(title, x_label, y_label, x, lines):
-        asked[title.partition(",")[0]] = (x, lines)
+    def draw(title, x_label, y_label, x, lines, colours):
+        asked[title.partition(",")[0]] = (x, lines, colours)
 
     monkeypatch.setattr("pcsr.report.figures.curves.draw_lines", draw)
     return asked
@@ -194,12 +194,14 @@ def charts(monkeypatch):
 def test_curves_show_the_numbers_of_the_runs(pair, results, charts):
     (pair[1] / "metrics.jsonl").write_text('{"step": 40, "validation": {"cd": 0.002}}\n', encoding="utf-8")
     figures(pair)
-    steps, lines = charts["Validation"]
+    steps, lines, colours = charts["Validation"]
     assert steps == [30, 40]
+    assert colours == SERIES[:2], "as the rows of a comparison"
     np.testing.assert_allclose(lines["study-net-touches.0"][0], [1.1, np.nan])
     np.testing.assert_allclose(lines["study-net-touches.2"][0], [np.nan, 2.0])
-    numbers, lines = charts["cd ×10³ over touches"]
+    numbers, lines, colours = charts["cd ×10³ over touches"]
     assert numbers == [0, 2]
+    assert colours == SERIES[:1]
     values = 1000 * np.array(results["methods"][0]["values"]["cd"])
     ((name, (means, spreads)),) = lines.items()
     assert name == "study-net"

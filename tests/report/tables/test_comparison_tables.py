@@ -169,7 +169,7 @@ def test_differences_are_paired_with_the_first_row(results, variant):
     each = -0.5 * 1000 * np.array(results["methods"][0]["values"]["cd"])
     low, high = interval(each)
     text, facts = line(made, "b")["cd ×10³"].splitlines()
-    assert text == f"{each.mean():+.3f} [{low:+.3f}, {high:+.3f}]"
+    assert text == f"{each.mean():+.4f} [{low:+.4f}, {high:+.4f}]", "a digit more than the means"
     rows = [one["methods"][0]["values"]["cd"] for one in runs] + [m["values"]["cd"] for m in results["methods"][1:]]
     assert facts == f"{p_text(pairwise(np.array(rows))[0, 1])}, 6/6 wins"
     assert "all pairs of 4 rows" in made.note
