@@ -9,7 +9,7 @@ EXTRAS := train,simulate,report,pcd,las,e57,ros,cluster,onnx
 sse := ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 MKL_CBWR=COMPATIBLE OPENBLAS_CORETYPE=Nehalem
 avx2 := ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 OPENBLAS_CORETYPE=Haswell
 avx512 := ATEN_CPU_CAPABILITY=avx512 ONEDNN_MAX_CPU_ISA=AVX512_CORE OPENBLAS_CORETYPE=SkylakeX
-NUMERIC := $(patsubst %,tests/%,benchmarks experiments geometry grafting metrics network plugins registration testing upsample \
+NUMERIC := $(patsubst %,tests/%,benchmarks experiments geometry grafting metrics network plugins registration sensors testing upsample \
 	test_export.py test_model.py)
 PAGES := $(wildcard *.md docs/*.md docs/*/*.md)
 COG := $(BIN)/cog --verbosity=1 -U -I docs -p "import tables"

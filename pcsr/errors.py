@@ -7,6 +7,16 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
+def printable(text: str, *, lines: bool = True) -> str:
+    """Return text with its control characters and broken letters as escapes, as names in files may contain them.
+
+    Args:
+        text: the text.
+        lines: keep line feeds, which are written as escapes otherwise.
+    """
+    return "".join(one if one.isprintable() or (lines and one == "\n") else ascii(one)[1:-1] for one in text)
+
+
 class PcsrError(Exception):
     """Anything that pcsr itself reports. `exit_code` is what the command line returns.
 
@@ -26,8 +36,7 @@ class PcsrError(Exception):
 
     def __str__(self) -> str:
         """Return the message; control characters, which names in it may contain, are written as escapes."""
-        letters = super().__str__()
-        return "".join(one if one.isprintable() or one == "\n" else ascii(one)[1:-1] for one in letters)
+        return printable(super().__str__())
 
 
 class UserError(PcsrError):
@@ -60,6 +69,10 @@ class PcsrWarning(UserWarning):
         >>> import warnings
         >>> warnings.simplefilter("ignore", pcsr.PcsrWarning)
     """
+
+    def __str__(self) -> str:
+        """Return the message; control characters, which names in it may contain, are written as escapes."""
+        return printable(super().__str__())
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -98,7 +98,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _write_text(part: Path, text: str) -> None:
-    part.write_text(text, encoding="utf-8")
+    part.write_text(text, encoding="utf-8", errors="backslashreplace")  # broken letters, as JSON may have in names
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -13,6 +13,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from pcsr.errors import printable
+
 LINES = 10
 """Largest number of lines that a log gets for each task."""
 INTERVAL = 30.0
@@ -29,7 +31,7 @@ class _LoggedProgress(Progress):
 
     def add_task(self, description: str, *args: Any, **fields: Any) -> TaskID:
         """Add a task; its first line comes `INTERVAL` seconds later, unless it ends before."""
-        task_id = super().add_task(description, *args, **fields)
+        task_id = super().add_task(printable(description, lines=False), *args, **fields)
         self._logged[task_id] = (0, self.get_time())
         return task_id
 
@@ -75,7 +77,7 @@ def progress_bars(console: Console, hidden: bool) -> Progress:
         hidden: whether to show nothing.
     """
     return _LoggedProgress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

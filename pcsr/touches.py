@@ -88,12 +88,12 @@ class GivenTouches:
         radius = float(np.linalg.norm(cloud - middle, axis=1).max())
         for number, touch in enumerate(self.points(power)):
             if len(touch) == 0 or not np.isfinite(touch).all():
-                raise UserError(f"touch {number} has {len(touch)} points, which must be some and finite")
+                raise UserError(f"{self.names[number]} has {len(touch)} points, which must be some and finite")
             with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
                 size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
                 away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
             check_frame(
-                f"touch {number}",
+                self.names[number],
                 "the cloud",
                 distance=away,
                 extent=2 * radius,

@@ -20,4 +20,5 @@ def test_a_slip_gets_a_suggestion_and_nonsense_the_whole_list():
 
 
 def test_characters_that_steer_a_terminal_are_escaped():
+    assert str(pcsr.PcsrWarning("a\x1b[2J\ud800\nb")) == "a\\x1b[2J\\ud800\nb"
     assert str(pcsr.UserError("column 'a\x1b[2Jb\x07':\nß × 10⁻³")) == "column 'a\\x1b[2Jb\\x07':\nß × 10⁻³"

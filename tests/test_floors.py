@@ -55,6 +55,7 @@ SAME_FLOOR = {
     ("pcsr.inputs", "pcsr.validation_messages"),
     ("pcsr.limits", "pcsr.errors"),
     ("pcsr.validation_messages", "pcsr.errors"),
+    ("pcsr.progress", "pcsr.errors"),
     ("pcsr.workers", "pcsr.errors"),
     ("pcsr.workers", "pcsr.extras"),
     ("pcsr.extras", "pcsr.errors"),

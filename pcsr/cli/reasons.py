@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pcsr.errors import printable
+
 if TYPE_CHECKING:
     from pcsr.recorded import Recording
 
@@ -43,7 +45,7 @@ def skipped_lines(recording: "Recording") -> list[str]:
             lines.append(f"touch {name} and {len(listed) - 1} more like it are skipped: {reason}")
         else:
             lines += [f"touch {name} is skipped: {reason}" for name, reason in listed]
-    return lines
+    return [printable(line, lines=False) for line in lines]
 
 
 def echo_skipped(recording: "Recording") -> None:

@@ -8,7 +8,7 @@ import click
 from pcsr.cli import streams
 from pcsr.cli.options import FILE
 from pcsr.cli.reasons import skipped_lines
-from pcsr.errors import UserError
+from pcsr.errors import UserError, printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +53,7 @@ def check(folder: Path, cloud_file: Path | None, page: Path | None) -> None:
     lines += [f"touch {name} cannot be used with {cloud_file}: it {reason}" for name, reason in useless.items()]
     odd = [*lines, *remarks(recording, facts, cloud)]
     for line in odd:
-        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
+        console.print(printable(line, lines=False), style="yellow", markup=False, highlight=False, soft_wrap=True)
     if page is not None:
         from pcsr.files import write_text
         from pcsr.report.web.recording_page import recording_page

@@ -12,7 +12,7 @@ from pcsr.cli.options import FILE, OUTPUT_FOLDER, Number
 from pcsr.cli.streaming import stages
 from pcsr.cli.touch_options import pose_error_option
 from pcsr.cli.warnings_shown import yellow_warnings
-from pcsr.errors import UserError
+from pcsr.errors import UserError, printable
 
 if TYPE_CHECKING:
     from pcsr.clouds.pose_error import PoseError
@@ -150,8 +150,8 @@ def import_(
             touches = import_touches(bag, folder, options, stages(progress))
         streams.print_table(console, HEADS, [_cells(one) for one in touches], HEADS[1:3])
         next_step = f"next: pcsr upsample {_scan(bag, bags, topic)} --touch {shlex.quote(str(folder))} -o dense.ply"
-        console.print(f"{folder}: {len(touches)} touches, in metres", markup=False, soft_wrap=True)
-        console.print(next_step, markup=False, soft_wrap=True)
+        for line in (f"{folder}: {len(touches)} touches, in metres", next_step):
+            console.print(printable(line, lines=False), markup=False, soft_wrap=True)
 
 
 def _cells(touch: "ImportedTouch") -> list[str]:

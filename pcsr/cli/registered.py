@@ -50,7 +50,8 @@ class RegistrationOutput:
         touches = self.recording.touches
         if not touches or as_is:
             return touches
-        given = GivenTouches.of(touches, self.recording.pose_error)
+        names = [f"touch {index} ({name})" for index, name in enumerate(self.recording.names)]
+        given = GivenTouches(list(touches), names, self.recording.pose_error, as_is=False)
         given.check(cloud)
         task = progress.add_task("registering touches", total=None)
         registration = given.registration(cloud)

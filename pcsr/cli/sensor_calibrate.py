@@ -167,10 +167,14 @@ def calibrate(
 
         write_text(page, calibration_page(made, [*images, *test], rest))
     echo_reasons(made.refused, "is refused")
-    from pcsr.report.tables.calibration_table import calibration_table  # imports torch, so mistakes are reported first
+    # The report imports torch: mistakes are reported first.
+    from pcsr.report.sensors.calibration_remarks import calibration_remarks
+    from pcsr.report.tables.calibration_table import calibration_table
 
     console = streams.console()
     console.print(calibration_table(made))
+    for line in calibration_remarks(made):
+        console.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
     for line in _summary(made, out, page):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
@@ -188,6 +192,9 @@ def _check_target(option: str, path: Path | None, suffixes: tuple[str, ...], *, 
     if path.suffix.lower() not in suffixes:
         raise UserError(f"{option} {path}: name a file with the suffix {suffixes[0]}")
     check_target(path)
+    above = next(one for one in (path, *path.parents, Path()) if one.exists())
+    if above != path and not above.is_dir():
+        raise UserError(f"{option} {path}: {above} is a file: name a folder that exists, or can be made")
     if path.exists() and not overwrite:
         raise UserError(f"{option} {path} exists already: choose another file, or replace it (--overwrite)")
 

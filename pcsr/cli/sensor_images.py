@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from pcsr.errors import UserError
+from pcsr.errors import UserError, printable
 
 MOST_LISTED = 20
 """Most images whose reasons are printed."""
@@ -67,7 +67,7 @@ def check_distinct(files: Iterable[Path]) -> None:
 
 def name_of(file: Path) -> str:
     """Return the path of an image as a name on one line; control characters and bytes that are no text are escapes."""
-    return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in str(file))
+    return printable(str(file), lines=False)
 
 
 def reason(error: UserError, file: Path) -> str:

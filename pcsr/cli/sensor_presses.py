@@ -49,15 +49,25 @@ def with_balls(
 
 def read_presses(groups: Sequence[Group], unreadable: dict[str, str]) -> "list[PressImage]":
     """Read presses, and add the reasons of those that cannot be read to `unreadable`."""
+    from pcsr.limits import check_memory
     from pcsr.sensors import PressImage, read_rgb
+    from pcsr.sensors.calibration_inputs import MEMORY
 
     found = []
+    pixels = 0
     for files, diameter in groups:
         for file in files:
             try:
                 found.append(PressImage(name_of(file), read_rgb(file), diameter))
             except UserError as error:
                 unreadable[name_of(file)] = reason(error, file)
+                continue
+            pixels += found[-1].image[..., 0].size
+            check_memory(
+                MEMORY * pixels,
+                f"calibration with {len(found)} or more presses of {pixels // len(found)} pixels",
+                "give fewer presses, such as 20, and make the images smaller, as 320 x 240 are enough",
+            )
     return found
 
 

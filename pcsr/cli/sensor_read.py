@@ -54,9 +54,12 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
     from pcsr.files import write_bytes
     from pcsr.progress import progress_bars
     from pcsr.sensors import Calibration, read_rgb
+    from pcsr.sensors.background import doubt
 
     calibration, rest = Calibration.load(calibration_file), read_rgb(background)
     calibration.check_background(rest, f"--background {background}")
+    if remark := doubt(rest, calibration.background, f"--background {background}", calibration.sensor):
+        click.echo(remark, err=True)
     files = image_files(images, "IMAGE", [background])
     check_distinct(files)
     several = len(files) > 1 or images[0].is_dir()

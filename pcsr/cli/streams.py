@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO
 
-from pcsr.errors import RunError, UserError
+from pcsr.errors import RunError, UserError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -66,7 +66,7 @@ def print_table(
     )
     table.caption_justify = "left"
     for row in rows:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(printable(cell, lines=False)) for cell in row))
     console.print(table)
 
 

@@ -7,10 +7,11 @@ from jaxtyping import Bool, Float
 
 from pcsr.files import inside
 from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
-from pcsr.recorded.likely_mistakes import check_coverage, check_indentation, check_sign, check_width
+from pcsr.recorded.likely_mistakes import check_coverage, check_indentation, check_sign
 from pcsr.recorded.manifest import DepthEntry, HeightEntry
 from pcsr.sensors.contact import CONTACT_SHARE, in_contact
 from pcsr.sensors.foreign_heights import Integration, corrected
+from pcsr.sensors.gels import check_width
 
 LEAST = 0.05
 """Indentation in mm up to which a gel counts as untouched, unless a threshold is given."""

@@ -1,4 +1,4 @@
-"""Checks of tactile images for likely mistakes: wrong sign, unit or pixel size, and no level of the untouched gel."""
+"""Checks of tactile images for likely mistakes: wrong sign or unit, and no level of the untouched gel."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,8 +12,6 @@ KNOWN_GELS = ("digit", "gelsight")
 """First letters of the names of sensors whose gels are known."""
 THICKEST_KNOWN = 5.0
 """Greatest indentation of a known gel in mm. The gel of a GelSight Mini is 4.25 mm thick."""
-WIDEST = 100.0
-"""Greatest width of what a sensor sees in mm."""
 MOST_COVERED = 0.9
 """Greatest share of an image that can be in contact, unless the height of the untouched gel is known."""
 OTHER_SIGN = 2.0
@@ -39,24 +37,6 @@ def check_indentation(indentation: float, sensor: str, cause: str) -> None:
         raise UserError(
             f"the gel is indented by {indentation:.4g} mm, more than the {most:g} mm that {gel} is thick: {cause}"
         )
-
-
-def check_width(columns: int, rows: int, mm_per_pixel: float) -> None:
-    """Check that an image shows no more than a fingertip.
-
-    Raises:
-        UserError: the image is wider or higher than `WIDEST`.
-    """
-    width, height = columns * mm_per_pixel, rows * mm_per_pixel
-    if max(width, height) <= WIDEST:
-        return
-    cause = "give the side of a pixel in mm"
-    if mm_per_pixel > 1:
-        cause = f"{mm_per_pixel:g} looks like pixels per mm: 1 / {mm_per_pixel:g} = {1 / mm_per_pixel:.3g}"
-    raise UserError(
-        f"mm_per_pixel: with {mm_per_pixel:g} the image is {width:.4g} × {height:.4g} mm, more than {WIDEST:g} mm: "
-        f"{cause}"
-    )
 
 
 def check_sign(indentation: Float[np.ndarray, "h w"]) -> None:

@@ -185,6 +185,8 @@ def _parts(path: Path) -> list[Path]:
         return found
     check_file(path)
     suffix = path.suffix.lower()
+    if suffix in (".mcap", ".db3") and suffix != path.suffix:
+        raise UserError(f"{path}: rosbags knows bags by suffixes of small letters: rename it to {path.stem}{suffix}")
     if suffix not in SUFFIXES:
         raise UserError(f"{path} is no bag by its suffix: bags are {', '.join(SUFFIXES)} files, or folders of ROS 2")
     with path.open("rb") as file:

@@ -9,7 +9,7 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 """Suffixes of bags: of ROS 1, and the two kinds of files of ROS 2."""
 METADATA = "metadata.yaml"
 """File that describes the bag of ROS 2 in a folder."""
-TOPIC = re.compile(r"(?P<bag>.{2,}):(?P<topic>[^:]+)", re.DOTALL)
+TOPIC = re.compile(r"(?P<bag>.{2,}):(?P<topic>[^:]*)", re.DOTALL)
 """A path with a topic. No bag has a name of one letter, so that the drive of `C:/scan.ply` is none."""
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from pcsr.errors import printable
+
 MOST_LISTED = 20
 """Most topics that a message lists; further ones are counted."""
 
@@ -20,7 +22,7 @@ class Topic:
 
 def listed(topics: Collection[Topic]) -> str:
     """Return the names and types of topics for a message."""
-    shown = [f"{one.name} ({short(one.type)})" for one in list(topics)[:MOST_LISTED]]
+    shown = [printable(f"{one.name} ({short(one.type)})", lines=False) for one in list(topics)[:MOST_LISTED]]
     more = len(topics) - len(shown)
     return ", ".join(shown) + (f" and {more} more" if more else "") if shown else "no topics"
 

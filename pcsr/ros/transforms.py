@@ -7,12 +7,15 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation, Slerp
 
-from pcsr.errors import UserError
+from pcsr.errors import UserError, printable
+from pcsr.ros.doubts import AROUND, doubt
 
 MAX_GAP = 0.1
 """Longest time to the nearest transform, by default, in seconds."""
 TOLERANCE = 1e-3
 """Largest difference of a quaternion's norm from 1."""
+FARTHEST = 1e7
+"""Largest distance between two frames in metres: on the earth there is no larger one."""
 MOST_LISTED = 20
 """Most frames that a message lists; further ones are counted."""
 
@@ -61,6 +64,10 @@ class Transforms:
         self._static: dict[str, tuple[str, tuple[float, ...]]] = {}
         self._parents: dict[str, dict[str, str]] = {}
         """Parents of each frame at any time, by their names."""
+        self._replaced: set[str] = set()
+        """Frames with several static transforms that differ."""
+        self.doubts: list[str] = []
+        """What is odd about the transforms that `matrix` has used."""
 
     @property
     def frames(self) -> list[str]:
@@ -81,6 +88,8 @@ class Transforms:
         parent = self._parents.setdefault(child, {}).setdefault(parent, parent)  # one text for all transforms
         value = (translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w)
         if stamp is None:
+            if self._static.setdefault(child, (parent, value)) != (parent, value):
+                self._replaced.add(child)
             self._static[child] = parent, value
             return
         self._moving.setdefault(child, _Series()).add(stamp, parent, value)
@@ -163,6 +172,8 @@ class Transforms:
         if series is None:
             if child not in self._static:
                 return None
+            if child in self._replaced:
+                self._doubt(f"frame '{child}' has several static transforms that differ: the last is used")
             parent, value = self._static[child]
             return parent, _matrix(value, child, parent)
         stamps, parents, found = series.in_order
@@ -175,11 +186,20 @@ class Transforms:
                 f"frame '{child}' has no transform within {self.max_gap:g} s of {stamp / 1e9:.3f} s: the nearest is "
                 f"{gap:.3g} s away, and all are from {stamps[0] / 1e9:.3f} to {stamps[-1] / 1e9:.3f} s"
             )
+        around = slice(*np.searchsorted(stamps, [stamp - AROUND * 1e9, stamp + AROUND * 1e9]).tolist())
+        if text := doubt(child, parents[around], found[around, :3]):
+            self._doubt(text)
         parent = parents[near]
+        if self._static.get(child, (parent, tuple(found[near]))) != (parent, tuple(found[near])):
+            self._doubt(f"frame '{child}' has another static transform beside those of /tf: it is not used")
         if gap == 0 or before < 0 or after == len(stamps) or parents[before] != parents[after]:
             return parent, _matrix(found[near], child, parent)
         first, last = (_matrix(found[i], child, parent) for i in (before, after))
         return parent, _between(first, last, int(stamp - stamps[before]) / int(stamps[after] - stamps[before]))
+
+    def _doubt(self, text: str) -> None:
+        if text not in self.doubts:
+            self.doubts.append(text)
 
 
 def plain(frame: str) -> str:
@@ -207,6 +227,8 @@ def _matrix(value: Any, child: str, parent: str) -> Float64[np.ndarray, "4 4"]:
     name = f"the transform from frame '{child}' to '{parent}'"
     if not np.isfinite(numbers).all():
         raise UserError(f"{name} is not finite: {numbers.tolist()}")
+    if np.abs(numbers[:3]).max() > FARTHEST:
+        raise UserError(f"{name} is longer than the earth is large: {numbers[:3].tolist()} m")
     norm = float(np.linalg.norm(numbers[3:]))
     if abs(norm - 1) > TOLERANCE:
         raise UserError(f"{name} has the quaternion {numbers[3:].tolist()}, whose norm is {norm:.6g}, not 1")
@@ -219,5 +241,5 @@ def _matrix(value: Any, child: str, parent: str) -> Float64[np.ndarray, "4 4"]:
 def listed_frames(frames: list[str]) -> str:
     """Return the names of frames for a message."""
     more = len(frames) - MOST_LISTED
-    shown = ", ".join(f"'{frame}'" for frame in frames[:MOST_LISTED])
+    shown = printable(", ".join(f"'{frame}'" for frame in frames[:MOST_LISTED]), lines=False)
     return f"the frames {shown}{f' and {more} more' if more > 0 else ''}" if frames else "there are no frames at all"

@@ -1,6 +1,5 @@
 """Calibration of a tactile sensor from images of a ball that is pressed into its gel."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -8,11 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.errors import UserError
-from pcsr.limits import check_memory
-from pcsr.sensors.backgrounds import coarse
+from pcsr.sensors.background import coarse
+from pcsr.sensors.balls import RIM
 from pcsr.sensors.calibration import Calibration
-from pcsr.sensors.calibration_file import LARGEST, LONGEST_NAME
-from pcsr.sensors.colour import check_exposure
+from pcsr.sensors.calibration_inputs import FEWEST, check_arguments, copies
 from pcsr.sensors.figures import NO_FIGURES, Figures, PressFigures, summary
 from pcsr.sensors.fitting import Fit, Place, fit
 from pcsr.sensors.gels import Gel
@@ -20,20 +18,21 @@ from pcsr.sensors.held_out import measured
 from pcsr.sensors.images import Image
 from pcsr.sensors.presses import CUT_OFF, Press, PressImage, cut_off, press_of, spread
 
-FEWEST = 5
-"""Least number of usable presses."""
 FOLDS = 10
 """Greatest number of fits for the errors on held-out presses."""
 ODD = 3.0
 """A press whose slopes deviate from a ball's by this many times the median deviation is refused."""
 ODD_ANGLE = np.radians(6.0)
 """Deviation in radians up to which no press is refused."""
+NO_BALL_ANGLE = np.radians(8.0)
+"""Median deviation in radians above which the presses show no balls. Those of real sensors reach 4 degrees."""
+NARROW = 1.02
+"""A rim that is found within this factor of the least that is looked for lies further inside."""
 
-
+FITTED = " without its press: it is fitted, but not among the held-out ones"
+"""Addition to the reason of a press that only the fit without it cannot measure."""
 MOST_REASONS = 20
 """Most refused presses that a message lists."""
-MEMORY = 60
-"""Bytes that a pixel of each press takes."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def calibrate(
 
     Raises:
         UserError: an argument is out of range, two presses have one name, the background is black or saturated, or
-            fewer than 5 presses can be used; the message lists the reasons.
+            fewer than 5 presses can be used or show a ball; the message lists the reasons.
 
     Examples:
         >>> from pcsr.sensors import PressImage, ball_indentation, calibrate, gel, shaded
@@ -125,8 +124,8 @@ def calibrate(
         >>> made.calibration.figures.radius_median < 0.05
         True
     """
-    _check(presses, test, background, mm_per_pixel, sensor, count)
-    refused: dict[str, str] = {}
+    check_arguments(presses, test, background, mm_per_pixel, sensor, gel, count)
+    refused = copies([*presses, *test])
     usable = _usable(presses, background, mm_per_pixel, refused)
     radii = gel.radii(background.shape[1], background.shape[0])
     sag = np.zeros(2) if radii is None else mm_per_pixel / np.array(radii)
@@ -143,47 +142,12 @@ def calibrate(
     results = list(_measured(made(whole, NO_FIGURES), held, refused))
     for number, fold in enumerate(folds):
         part = fit([press for press in chosen if press not in fold], sag)
-        results += _measured(made(part, NO_FIGURES), fold, refused)
+        results += _measured(made(part, NO_FIGURES), fold, refused, FITTED)
         progress(2 + number, 1 + len(folds))
     if not results:
         raise UserError(f"none of {len(held) or len(chosen)} held-out presses shows a whole ball{_reasons(refused)}")
     places = {press.name: place for press, place in zip(chosen, whole.places, strict=True)}
     return Calibrated(made(whole, summary(results)), places, results, len(folds), refused)
-
-
-def _check(
-    presses: Sequence[PressImage],
-    test: Sequence[PressImage],
-    background: Image,
-    mm_per_pixel: float,
-    sensor: str,
-    count: int | None,
-) -> None:
-    if not 0 < mm_per_pixel <= LARGEST:
-        raise UserError(f"mm_per_pixel is {mm_per_pixel:g}: it must be more than 0 and at most {LARGEST:g}")
-    if not 0 < len(sensor) <= LONGEST_NAME:
-        raise UserError(f"the sensor's name has {len(sensor)} characters: it must have 1 to {LONGEST_NAME}")
-    if not sensor.isprintable():
-        raise UserError(f"the sensor's name is {sensor!r}: it must have no control characters")
-    if count is not None and count < FEWEST:
-        raise UserError(f"{count} presses are no calibration: fit at least {FEWEST}, better 12")
-    names = Counter(press.name for press in (*presses, *test))
-    for name, times in names.items():
-        if times > 1:
-            raise UserError(f"{times} presses are called '{name}': give each a name of its own")
-    for press in (*presses, *test):
-        if not 0 < press.diameter <= LARGEST:
-            raise UserError(
-                f"{press.name}: a ball of {press.diameter:g} mm: the diameter must be more than 0 and at most "
-                f"{LARGEST:g} mm"
-            )
-    rows, columns = background.shape[:2]
-    check_exposure(background, "the background")
-    check_memory(
-        MEMORY * rows * columns * names.total(),
-        f"calibration with {names.total()} presses of {columns} x {rows} pixels",
-        "make the images smaller, as 320 x 240 are enough",
-    )
 
 
 def _usable(
@@ -192,6 +156,8 @@ def _usable(
     """Return the presses that show a changed region, and add the reasons of the others to `refused`."""
     usable = []
     for press in presses:
+        if press.name in refused:
+            continue
         try:
             usable.append(press_of(press, background, mm_per_pixel))
         except UserError as error:
@@ -209,6 +175,13 @@ def _fitted(
         chosen = [left[index] for index in order]
         fitted = fit(chosen, sag)
         reasons = _odd(chosen, fitted)
+        usual = float(np.median([place.residual for place in fitted.places]))
+        if not reasons and usual > NO_BALL_ANGLE:
+            raise UserError(
+                f"the presses show no balls: the slopes of half of them deviate by more than {np.degrees(usual):.0f} "
+                f"degrees from those of a ball, and 1 to 5 are usual: check the images, the ball's diameter and "
+                f"mm_per_pixel{_reasons(refused)}"
+            )
         if not reasons:
             return chosen, fitted
         refused.update(reasons)
@@ -226,6 +199,11 @@ def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
     for press, place in zip(presses, fitted.places, strict=True):
         if cut_off(press, place.centre, place.rim):
             reasons[press.name] = CUT_OFF
+        elif place.rim < NARROW * RIM[0] * press.ball:
+            reasons[press.name] = (
+                f"its contact is narrower than {RIM[0]:g} of the ball's radius: press deeper, or correct the ball's "
+                f"diameter ({press.diameter:g} mm) or mm_per_pixel"
+            )
         elif place.residual > max(ODD * usual, ODD_ANGLE):
             reasons[press.name] = (
                 f"its slopes deviate by {np.degrees(place.residual):.0f} degrees from those of a ball of "
@@ -235,12 +213,15 @@ def _odd(presses: Sequence[Press], fitted: Fit) -> dict[str, str]:
     return reasons
 
 
-def _measured(calibration: Calibration, presses: Sequence[Press], refused: dict[str, str]) -> Iterator[PressFigures]:
+def _measured(
+    calibration: Calibration, presses: Sequence[Press], refused: dict[str, str], but: str = ""
+) -> Iterator[PressFigures]:
+    """Measure presses, and add the reasons of those that cannot be measured to `refused`."""
     for press in presses:
         try:
             yield measured(calibration, press)
         except UserError as error:
-            refused[press.name] = str(error)
+            refused[press.name] = f"{error}{but}"
 
 
 def _reasons(refused: dict[str, str]) -> str:

@@ -8,12 +8,12 @@ from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
 from pcsr.sensors import polynomial
-from pcsr.sensors.backgrounds import OTHER_SENSOR, coarse
+from pcsr.sensors.background import OTHER_SENSOR, check_not_swapped, check_orientation, coarse, difference
 from pcsr.sensors.calibration_file import read_fields, write_fields
 from pcsr.sensors.colour import changed, check_exposure, colour_change
 from pcsr.sensors.contact import NoContactError, in_contact
 from pcsr.sensors.figures import Figures
-from pcsr.sensors.gels import Gel
+from pcsr.sensors.gels import THICKEST, Gel
 from pcsr.sensors.images import Image
 from pcsr.sensors.integration import integrated
 from pcsr.sensors.reading import Reading
@@ -40,10 +40,10 @@ class Calibration:
         >>> reading = Calibration.load("mine.json").read(pressed(70.0, 50.0), background)
         >>> print(f"{reading.indentation.max():.1f} mm")
         0.8 mm
-        >>> made.calibration.check_background(background // 3, "a darker image")
+        >>> made.calibration.check_background(background // 3, "a dark image")
         Traceback (most recent call last):
             ...
-        pcsr.errors.UserError: a darker image differs by ...
+        pcsr.errors.UserError: a dark image differs by ...
     """
 
     sensor: str
@@ -88,12 +88,14 @@ class Calibration:
             background: image of the untouched gel by the same sensor, best of the same minute.
 
         Raises:
-            UserError: the size of an image is not that of the calibration; an image is black, saturated, or changed
-                almost everywhere; or the background is of another sensor.
+            UserError: the size of an image is not that of the calibration; an image is black, saturated, grey, cut off,
+                turned, of another exposure or changed almost everywhere; the background shows a touch, or is of another
+                sensor; or the indentation is deeper than the gel.
             NoContactError: there is no contact.
         """
         self._check_size(image, "it")
         self.check_background(background, "its background")
+        check_not_swapped(coarse(image), coarse(background), self.background)
         slopes, touched = slopes_of(colour_change(image, background), self.coefficients)
         indentation = integrated(slopes) * self.mm_per_pixel
         indentation -= np.median(indentation[~touched]) if not touched.all() else indentation.min()
@@ -104,10 +106,12 @@ class Calibration:
                 f"{SHALLOWEST} mm"
             )
         deepest = indentation[contact].max()
-        if self.gel.thickness is not None and deepest > self.gel.thickness:
+        thickest = THICKEST if self.gel.thickness is None else self.gel.thickness
+        if deepest > thickest:
+            gel = "such gels are" if self.gel.thickness is None else "the gel is"
             raise UserError(
-                f"it is indented by {deepest:.1f} mm, but the gel is {self.gel.thickness} mm thick: its background or "
-                f"calibration is of another sensor"
+                f"it is indented by {deepest:.1f} mm, but {gel} {thickest:g} mm thick at most: it is torn, or its "
+                f"background or calibration is of another sensor"
             )
         rows, columns = np.nonzero(contact)
         plane = np.column_stack([columns - (self.columns - 1) / 2, (self.rows - 1) / 2 - rows]) * self.mm_per_pixel
@@ -129,11 +133,14 @@ class Calibration:
             what: what it is, for the message: "its background".
 
         Raises:
-            UserError: its size is another, it is black or saturated, or it is of another sensor.
+            UserError: its size is another, it is black, saturated or grey, it is turned or its colours are swapped, or
+                it is of another sensor.
         """
         self._check_size(background, what)
         check_exposure(background, what)
-        apart = float(np.abs(coarse(background) - self.background).mean() / self.background.mean())
+        colours = coarse(background)
+        check_orientation(colours, self.background, what, "that of the calibration")
+        apart = difference(colours, self.background)
         if apart > OTHER_SENSOR:
             raise UserError(
                 f"{what} differs by {apart:.0%} from that of the calibration: it is of another sensor than "

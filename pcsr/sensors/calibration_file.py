@@ -1,6 +1,7 @@
 """JSON file of a calibration: plain numbers, checked when they are read."""
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -13,9 +14,9 @@ from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.inputs import read_bytes
 from pcsr.limits import MOST_PIXELS
-from pcsr.sensors.backgrounds import GRID
+from pcsr.sensors.background import GRID
 from pcsr.sensors.figures import Figures
-from pcsr.sensors.gels import Gel
+from pcsr.sensors.gels import Gel, check_view
 from pcsr.sensors.polynomial import EXPONENTS
 from pcsr.validation_messages import described
 
@@ -97,19 +98,26 @@ def read_fields(path: Path) -> dict[str, Any]:
     Raises:
         UserError: the file does not exist, is no JSON, or holds numbers that no calibration has.
     """
-    data = read_bytes(path, most=LARGEST_FILE)
+    data = read_bytes(path, most=LARGEST_FILE).removeprefix(BOM_UTF8)  # as editors of Windows write
     try:
         file = _File.model_validate_json(data)
     except ValidationError as error:
         raise UserError(f"{path} is no calibration of a sensor: {_mistake(error)}") from error
     if file.rows * file.columns > MOST_PIXELS:
         raise UserError(f"{path}: images of {file.columns} x {file.rows} pixels have more than {MOST_PIXELS}")
+    if not file.sensor.isprintable():
+        raise UserError(f"{path}: sensor: the name must have no control characters, got {file.sensor!r}")
+    gel = Gel(file.gel.dome, file.gel.thickness)
+    try:
+        check_view(gel, file.columns, file.rows, file.mm_per_pixel)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     background = np.array(file.background) if _is_grid(file.background) else np.zeros(0)
     if background.size == 0 or background.mean() == 0:
         raise UserError(f"{path}: background must be {GRID[0]} rows of {GRID[1]} colours, as calibration writes it")
     return {
         "sensor": file.sensor,
-        "gel": Gel(file.gel.dome, file.gel.thickness),
+        "gel": gel,
         "columns": file.columns,
         "rows": file.rows,
         "mm_per_pixel": file.mm_per_pixel,

@@ -7,6 +7,11 @@ from jaxtyping import Float
 
 from pcsr.errors import UserError
 
+THICKEST = 10.0
+"""Greatest indentation in millimetres of a gel whose thickness is not known."""
+WIDEST = 100.0
+"""Greatest side of what a sensor sees in millimetres."""
+
 
 @dataclass(frozen=True)
 class Gel:
@@ -47,11 +52,11 @@ class Gel:
 
 
 GELS = {
-    "digit": Gel(dome=(50.0, 23.0)),
+    "digit": Gel(dome=(50.0, 23.0), thickness=5.0),
     "gelsight-mini": Gel(thickness=4.25),
 }
-"""Gels by the name of the sensor. The dome of a DIGIT is fitted to its published model; the thickness of a GelSight
-Mini's gel is the vendor's figure."""
+"""Gels by the name of the sensor. The dome of a DIGIT is fitted to its published model; its thickness is a bound. The
+thickness of a GelSight Mini's gel is the vendor's figure."""
 
 
 def gel(sensor: str) -> Gel:
@@ -72,3 +77,37 @@ def gel(sensor: str) -> Gel:
         if plain == name.replace("-", ""):
             raise UserError(f"sensor '{sensor}' is written '{name}'")
     return Gel()
+
+
+def check_width(columns: int, rows: int, mm_per_pixel: float) -> None:
+    """Check that an image shows no more than a fingertip.
+
+    Raises:
+        UserError: the image is wider or higher than `WIDEST`.
+    """
+    width, height = columns * mm_per_pixel, rows * mm_per_pixel
+    if max(width, height) <= WIDEST:
+        return
+    cause = "give the side of a pixel in mm"
+    if mm_per_pixel > 1:
+        cause = f"{mm_per_pixel:g} looks like pixels per mm: 1 / {mm_per_pixel:g} = {1 / mm_per_pixel:.3g}"
+    raise UserError(
+        f"mm_per_pixel: with {mm_per_pixel:g} the image is {width:.4g} × {height:.4g} mm, more than {WIDEST:g} mm: "
+        f"{cause}"
+    )
+
+
+def check_view(gel: Gel, columns: int, rows: int, mm_per_pixel: float) -> None:
+    """Check that images of a gel show no more than a fingertip, which is not more curved than one.
+
+    Raises:
+        UserError: the image is too wide, or its corners lie farther behind its centre than `THICKEST`.
+    """
+    check_width(columns, rows, mm_per_pixel)
+    corner = np.array([[columns, rows]]) * mm_per_pixel / 2
+    sag = float(gel.sag(corner, columns, rows)[0])
+    if gel.dome is not None and sag > THICKEST:
+        raise UserError(
+            f"dome: with radii of {gel.dome[0]:g} and {gel.dome[1]:g} mm the corners of the gel lie {sag:.3g} mm "
+            f"behind its centre, more than {THICKEST:g} mm: give the radii of the curvature in mm"
+        )

@@ -23,18 +23,19 @@ Image = UInt8[np.ndarray, "_ _ 3"]
 
 
 def read_rgb(path: Path | str) -> Image:
-    """Read a colour image.
+    """Read a colour image, turned as its file says (EXIF), as programs show it.
 
     Raises:
         UserError: the file does not exist, is damaged or cut off, is no PNG, JPEG or BMP, or has no colours.
 
     Examples:
         >>> from PIL import Image
-        >>> Image.new("RGB", (160, 120), "gray").save("0.png")
+        >>> Image.new("RGB", (160, 120), "teal").save("0.png")
         >>> pcsr.sensors.read_rgb("0.png").shape
         (120, 160, 3)
     """
     from PIL import Image as Pillow
+    from PIL import ImageOps
 
     path = Path(path)
     data = read_bytes(path, most=LARGEST)
@@ -45,12 +46,16 @@ def read_rgb(path: Path | str) -> Image:
             with Pillow.open(BytesIO(data), formats=("PNG", "JPEG", "BMP")) as image:
                 width, height = image.size
                 if width * height > MOST_PIXELS:
-                    raise UserError(f"{path} is an image of {width} x {height} pixels, more than {MOST_PIXELS}")
-                mode, pixels = image.mode, np.asarray(image.convert("RGB"))
+                    raise UserError(
+                        f"{path} is an image of {width} x {height} pixels, more than {MOST_PIXELS}: make it smaller"
+                    )
+                mode, pixels = image.mode, np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
     except UserError:
         raise
+    except Pillow.DecompressionBombError as error:
+        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels: make it smaller") from error
     except Exception as error:  # a malformed file makes Pillow raise errors of many types
         raise UserError(f"{path} cannot be read as an image: it is damaged, cut off, or no PNG, JPEG or BMP") from error
     if mode not in COLOURED:
-        raise UserError(f"{path} is an image of mode {mode}, without colours: a camera image has red, green and blue")
+        raise UserError(f"{path} is an image of mode {mode}, not of red, green and blue: save it as RGB")
     return pixels

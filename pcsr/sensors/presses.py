@@ -21,6 +21,8 @@ SMALLEST = 6.0
 """Least radius of the changed region in pixels."""
 BEYOND = 0.6
 """A ball is cut off by the edge where its region's centre is closer to it than this share of the region's radius."""
+SIZES = (0.2, 3.0)
+"""Least and greatest radius of the changed region, in radii of the ball. On real sensors it is 0.6 to 1.6."""
 CUT_OFF = "the ball is cut off by the edge of the image"
 """Reason why a press is refused whose contact is not wholly in view."""
 
@@ -83,6 +85,12 @@ def press_of(press: PressImage, background: Image, mm_per_pixel: float) -> Press
     height, width = smooth.shape
     if radius < SMALLEST:
         raise UserError(f"no ball: the changed region has a radius of {radius:.1f} pixels, less than {SMALLEST:.0f}")
+    ball = press.diameter / 2 / mm_per_pixel
+    if not SIZES[0] * ball < radius < SIZES[1] * ball:
+        raise UserError(
+            f"the changed region has a radius of {radius * mm_per_pixel:.3g} mm, {radius / ball:.2g} times that of a "
+            f"ball of {press.diameter:g} mm: check the ball's diameter and mm_per_pixel, which is {mm_per_pixel:g}"
+        )
     if min(centre[0], centre[1], width - 1 - centre[0], height - 1 - centre[1]) < BEYOND * radius:
         raise UserError(CUT_OFF)
     low = np.maximum(0, (centre - WIDE * radius).astype(int))
@@ -93,7 +101,7 @@ def press_of(press: PressImage, background: Image, mm_per_pixel: float) -> Press
     return Press(
         name=press.name,
         diameter=press.diameter,
-        ball=press.diameter / 2 / mm_per_pixel,
+        ball=ball,
         change=change,
         centre=centre,
         radius=radius,

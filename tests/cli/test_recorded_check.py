@@ -54,6 +54,18 @@ def test_the_touches_are_listed(folder):
     assert done.stdout.endswith("touches: all 2 touches can be used, with an error of 0.5 mm and 0.2 degrees\n")
 
 
+def test_odd_names_are_written_as_escapes(folder):
+    names = ["a\nb", "\x1b[31mred", "\ud800", "[/b]"]
+    record(folder, *({**entry("left", k), "name": name} for k, name in enumerate(names)), entry("\x1b\nnone", 9))
+    done = check(folder, "--page", folder / "page.html")
+    assert done.exit_code == 2
+    rows = [line.split()[0] for line in done.stdout.splitlines()[2:6]]
+    assert rows == [r"a\nb", r"\x1b[31mred", r"\ud800", "[/b]"]
+    assert r"touch \x1b\nnone is skipped: " in done.stdout
+    assert "\x1b" not in done.output
+    assert r"\ud800" in (folder / "page.html").read_text(encoding="utf-8")
+
+
 def test_what_cannot_be_used_is_said_and_is_the_exit_code(folder):
     wrong = entry("right", 4) | {"indentation": "negative"}
     missing = [entry(f"none{k}", k) for k in range(5)]

@@ -197,6 +197,10 @@ def test_contacts_without_a_pose_are_left_out_and_named(tmp_path):
             "--object-frame is missing: name the frame of the object or of its cloud: the frames 'arm', ",
         ),
         ({"target": "object"}, "there is no frame 'object': the frames"),
+        (
+            {"target": "/gel"},
+            "--pose and --object-frame are both 'gel': name the frame of the sensor, and the frame in",
+        ),
         ({"pose": "/gel_pose", "target": "object"}, "there is no frame 'object': the frames"),
     ],
 )
@@ -282,6 +286,51 @@ def test_a_fixed_sensor_needs_static_transforms_alone(tmp_path):
     assert done.exit_code == 0, done.output
     expected = scene.contact(3.0) + np.array([0, 0, 1])
     np.testing.assert_allclose(read(tmp_path / "t").touches[0].points, expected, atol=1e-7)
+
+
+def test_poses_that_are_equal_or_far_away_are_remarked(tmp_path, bag):
+    done = imported(bag, tmp_path / "t", target="tool")
+    assert done.exit_code == 0, done.output
+    assert "all 2 touches have the same pose, as 'gel' does not move against 'tool': is the object at" in done.stderr
+    assert "touches have the same pose" not in imported(bag, tmp_path / "u").stderr
+    far = small(tmp_path, lambda bag: bag.transform("gel", "camera", 1.0, (400, 20, 300)))
+    done = imported(far, tmp_path / "v")
+    assert done.exit_code == 0, done.output
+    assert "'gel' is up to 500.4 m from 'camera': are the poses in metres?" in done.stderr
+
+
+def test_transforms_that_contradict_one_another_are_remarked(tmp_path):
+    def fill(bag):
+        for height in (0, 1):
+            bag.transform("gel", "camera", 0.0, (0, 0, height), static=True)
+
+    done = imported(small(tmp_path, fill), tmp_path / "t")
+    assert done.exit_code == 0, done.output
+    assert "frame 'gel' has several static transforms that differ: the last is used\n" in done.stderr
+
+
+def test_points_far_beside_the_sensor_are_in_another_frame(tmp_path):
+    with BagWriter(tmp_path) as bag:
+        bag.transform("gel", "camera", 0.0, static=True)
+        bag.cloud("/gel/points", 1.0, scene.contact(3.0) + np.array([0.2, 0, 0]), frame="gel")
+    done = imported(bag.path, tmp_path / "t")
+    assert done.exit_code == 2
+    assert (
+        "mm beside the axis of the sensor, and no gel is wider than 100 mm: check --pose and --axes, and" in done.stderr
+    )
+
+
+def test_odd_names_are_written_as_escapes(tmp_path):
+    frame, topic = "g\n\x1b[31mel", "/[/red]\x1b[31m"
+    with BagWriter(tmp_path) as bag:
+        bag.transform(frame, "camera", 0.0, static=True)
+        bag.cloud(topic, 1.0, scene.contact(3.0), frame="\x1b[32mx")
+    done = imported(bag.path, tmp_path / "t", topic=topic, pose=frame)
+    assert done.exit_code == 0, done.output
+    assert "\x1b" not in done.output
+    assert r"finding contacts in /[/red]\x1b[31m: 1 of 1" in done.stderr
+    done = imported(bag.path, tmp_path / "u", topic=topic, pose="x")
+    assert done.stderr.endswith(r"there is no frame 'x': the frames 'camera', 'g\n\x1b[31mel'" + "\n")
 
 
 def test_a_bag_that_is_cut_off_and_a_missing_one(tmp_path, bag):

@@ -140,7 +140,20 @@ def test_a_calibration_of_other_images_ends_early(tmp_path, calibration):
             bag.image("/gel/image", number / 10, np.full((60, 80, 3), 100, np.uint8), "rgb8")
     done = imported(bag.path, tmp_path / "t", "--calibration", calibration)
     assert done.exit_code == 2
-    assert (
-        "/gel/image at 0.000 s: it has 80 x 60 pixels, but the calibration of sensor 'my-sensor' is for 160"
-        in done.stderr
-    )
+    said = "/gel/image: its first image, taken as the background, has 80 x 60 pixels, but the calibration of sensor"
+    assert said in done.stderr
+
+
+def test_a_background_that_may_be_of_another_sensor_is_remarked(tmp_path, calibration):
+    rest = np.clip(picture(0, 99) * 1.25, 0, 255).astype(np.uint8)
+    Image.fromarray(rest).save(tmp_path / "bright.png")
+    with BagWriter(tmp_path) as bag:
+        bag.transform("gel", "camera", 0.0, static=True)
+        for number in range(20):
+            bright = np.clip(picture(0.7 - (number / 10 - 1) ** 2, number) * 1.25, 0, 255).astype(np.uint8)
+            bag.image("/gel/image", number / 10, bright, "rgb8", frame="gel")
+    for what, more in (("--background", ("--background", tmp_path / "bright.png")), ("its first image, taken as ", ())):
+        done = imported(bag.path, tmp_path / f"t{len(more)}", "--calibration", calibration, *more)
+        assert done.exit_code == 0, done.output
+        assert f"/gel/image: {what}" in done.stderr
+        assert "differs by 25% from that of the calibration: is it of the sensor 'my-sensor'?" in done.stderr

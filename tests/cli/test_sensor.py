@@ -177,7 +177,7 @@ def test_presses_that_cannot_be_used_are_listed_and_the_others_go_on(folder):
         "bar": "it shows something else, or a ball of another diameter",
         "black": "it is black, at a mean level of 0.0 of 255: was the light on?",
         "edge": "the ball is cut off by the edge of the image",
-        "grey": "it is an image of mode L, without colours",
+        "grey": "it is an image of mode L, not of red, green and blue",
         "large": "it has 160 x 60 pixels, but its background 160 x 120",
         "rest": "no ball: the colour changes by",
         "short": "it cannot be read as an image: it is damaged, cut off",
@@ -233,6 +233,32 @@ def test_a_background_of_another_sensor_refuses_every_press(folder):
     save(folder / "rest.png", other)
     said = refused(folder, *CALIBRATE, *NEW, lines=13)
     assert said.count("it is of another sensor or light") == 12
+
+
+def test_a_folder_that_is_a_file_is_noticed_before_the_work(folder):
+    (folder / "file").write_text("x")
+    said = refused(folder, *CALIBRATE, *NEW[:-1], "file/new.json")
+    assert said == "pcsr: error: -o file/new.json: file is a file: name a folder that exists, or can be made\n"
+
+
+def test_more_presses_than_the_memory_holds_are_refused_while_they_are_read(folder, monkeypatch):
+    monkeypatch.setattr("pcsr.limits.free_memory", lambda: 60 * 5 * 160 * 120)
+    monkeypatch.setattr("pcsr.limits.UNCHECKED_SIZE", 0)
+    said = refused(folder, *CALIBRATE, *NEW)
+    assert "calibration with 6 or more presses of 19200 pixels needs about" in said
+    assert "give fewer presses, such as 20" in said
+
+
+def test_presses_in_one_place_are_remarked(folder):
+    done = run(folder, *CALIBRATE, *NEW)
+    assert "extrapolated" not in done.stdout
+    for number in range(6):
+        place = (80.0 + number, 55.0 + number)
+        save(folder / "large" / f"{number}.png", photo(ball(0.6 + 0.04 * number, place), number))
+    files = [f"large/{number}.png" for number in range(6)]
+    done = run(folder, "calibrate", *files, *CALIBRATE[2:], *NEW, "--overwrite")
+    assert done.exit_code == 0, done.output
+    assert re.search(r"^the balls lie within \d% of the image's width: elsewhere", done.stdout, re.MULTILINE)
 
 
 @pytest.mark.slow
@@ -344,6 +370,16 @@ def test_a_background_that_cannot_be_right_is_one_line(folder):
     words = ("read", "touches", "--calibration", "mine.json", "-o", "points", "--background")
     assert "--background other.png differs by 67% from that of the calibration" in refused(folder, *words, "other.png")
     assert "--background small.png has 160 x 60 pixels" in refused(folder, *words, "small.png")
+
+
+def test_a_background_that_may_be_of_another_sensor_is_remarked(folder):
+    for name in ("rest", "touches/0", "touches/1"):
+        with Image.open(folder / f"{name}.png") as image:
+            save(folder / f"{name}.png", np.clip(np.asarray(image) * 1.25, 0, 255).astype(np.uint8))
+    done = run(folder, *READ)
+    assert done.exit_code == 0, done.output
+    said = "--background rest.png differs by 25% from that of the calibration: is it of the sensor 'mine'?\n"
+    assert done.stderr.startswith(said)
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,6 @@ def test_thirteen_presses_calibrate_a_digit(tmp_path):
     given = ("--ball", 4.7, "--mm-per-pixel", 0.051, "--sensor", "digit", "--presses", 13)
     calibrate(tmp_path / "digit.json", DIGIT / "presses", *given, "--background", DIGIT / "background.png")
     figures = Calibration.load(tmp_path / "digit.json").figures
-    assert figures.presses == 15
+    assert figures.presses == 14
     assert figures.radius_median < 0.03
     assert figures.radius_90 < 0.12

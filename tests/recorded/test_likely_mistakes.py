@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.recorded.likely_mistakes import check_coverage, check_indentation, check_sign, check_width
+from pcsr.recorded.likely_mistakes import check_coverage, check_indentation, check_sign
 from tests.recorded.pressed import pressed
 
 
@@ -43,13 +43,6 @@ def test_a_gel_is_indented_no_deeper_than_it_is_thick(sensor, most):
     check_indentation(most, sensor, "correct unit")
     with pytest.raises(UserError, match=rf"more than the {most:g} mm that .* is thick: correct unit$"):
         check_indentation(most + 0.01, sensor, "correct unit")
-
-
-def test_an_image_shows_no_more_than_a_fingertip():
-    check_width(320, 240, 0.0634)
-    check_width(240, 320, 100 / 320)
-    with pytest.raises(UserError, match=r"with 0\.4 the image is 96 × 128 mm, more than 100 mm: give the side of a"):
-        check_width(240, 320, 0.4)
 
 
 def test_pixels_without_contact_show_the_untouched_gel():

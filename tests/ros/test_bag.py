@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pcsr import UserError
-from pcsr.ros.bag import Bag
+from pcsr.ros.bag import MAGIC, Bag
 from pcsr.ros.point_clouds import POINT_CLOUD, coordinates, table
 from tests.ros.bags import START, BagWriter
 
@@ -108,12 +108,14 @@ def test_what_is_no_bag_is_refused(tmp_path):
     (tmp_path / "other.mcap").write_bytes(b"ply\n" * 100)
     (tmp_path / "empty.bag").write_bytes(b"")
     (tmp_path / "scan.ply").write_bytes(b"ply\n")
+    (tmp_path / "SCAN.MCAP").write_bytes(MAGIC[".mcap"])
     (tmp_path / "folder").mkdir()
     for name, said in {
         "other.mcap": "is no .mcap file by its content",
         "empty.bag": "is no .bag file by its content",
         "scan.ply": "is no bag by its suffix: bags are .bag, .mcap, .db3 files",
         "folder": "is a folder without metadata.yaml, .mcap and .db3 files",
+        "SCAN.MCAP": "suffixes of small letters: rename it to SCAN.mcap",
         "missing.mcap": "missing.mcap cannot be read: No such file",
     }.items():
         with pytest.raises(UserError, match=said):

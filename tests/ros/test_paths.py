@@ -15,8 +15,25 @@ def test_a_bag_is_known_by_its_suffix_and_its_topic_follows_a_colon(suffix):
         assert bag_and_topic(Path(f"{path}:{written}")) == (path, "/camera/points")
 
 
+def test_a_colon_without_a_topic_is_of_a_bag_all_the_same():
+    for written in ("scan.mcap:", "scan.mcap:/"):
+        assert bag_and_topic(Path(written)) == (Path("scan.mcap"), "/")
+
+
 @pytest.mark.parametrize(
-    "name", ["scan.ply", "scan", "-", "C:/scan.ply", "a:b.ply", "scan.mcap.ply", "scan.ply:/points", "a" * 300, "a\0b"]
+    "name",
+    [
+        "scan.ply:",
+        "scan.ply",
+        "scan",
+        "-",
+        "C:/scan.ply",
+        "a:b.ply",
+        "scan.mcap.ply",
+        "scan.ply:/points",
+        "a" * 300,
+        "a\0b",
+    ],
 )
 def test_other_paths_are_no_bags(name):
     assert bag_and_topic(Path(name)) is None

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from pcsr import UserError, limits
 from pcsr.sensors import Gel, PressImage, calibrate, median_background
@@ -94,11 +95,38 @@ def test_a_refused_press_is_replaced_by_another():
 def test_too_few_presses_are_an_error_with_the_reasons():
     given = [*presses(4), *(PressImage(f"rest {k}", background(k), 6.0) for k in range(30))]
     with pytest.raises(UserError, match="4 of 34 presses can be used, and a calibration needs 5, better 12") as caught:
-        made(given, test=[PressImage("test", background(1), 6.0)])
+        made(given, test=[PressImage("test", background(99), 6.0)])
     lines = str(caught.value).splitlines()
     assert len(lines) == 1 + 20 + 1
     assert lines[1].startswith("  rest 0: no ball")
     assert lines[-1] == "  and 10 more"
+
+
+def test_an_image_that_is_given_twice_counts_once():
+    copies = [PressImage(f"copy {k}", presses()[k].image.copy(), 6.0) for k in range(3)]
+    found = made([*presses(), *copies[:2]], test=[copies[2]])
+    assert found.refused == {f"copy {k}": f"it is the same image as {k}.png" for k in range(3)}
+    assert len(found.places) == 12
+
+
+def test_presses_that_show_no_balls_are_no_calibration():
+    rng = np.random.default_rng(0)
+    given = []
+    for number in range(8):
+        row, column = rng.integers(30, 70), rng.integers(30, 100)
+        block = np.zeros(SIZE)
+        block[row : row + 25, column : column + 25] = 0.8
+        given.append(PressImage(f"{number}", photo(ndimage.gaussian_filter(block, 2.0), number), 6.0))
+    with pytest.raises(UserError, match=r"the presses show no balls: .* degrees from those of a ball, and 1 to 5 are"):
+        made(given)
+
+
+def test_a_ball_of_thrice_the_size_is_too_large_for_its_contacts():
+    given = [PressImage(one.name, one.image, 18.0) for one in presses()]
+    with pytest.raises(
+        UserError, match=r"narrower than 0\.3 of the ball's radius: press deeper, or correct the ball's"
+    ):
+        made(given)
 
 
 def test_held_out_presses_without_a_ball_are_an_error():

@@ -7,7 +7,7 @@ import pytest
 
 from pcsr import UserError
 from pcsr.sensors import Gel
-from pcsr.sensors.backgrounds import GRID, coarse
+from pcsr.sensors.background import GRID, coarse
 from pcsr.sensors.calibration import slopes_of
 from pcsr.sensors.colour import colour_change
 from tests.sensors import domed
@@ -90,6 +90,14 @@ def test_nothing_sinks_deeper_than_the_gel_is_thick():
     with pytest.raises(UserError, match=r"indented by 0\.9 mm, but the gel is 0\.5 mm thick"):
         thin.read(photo(ball(0.9)), background())
     assert len(thin.read(photo(ball(0.4)), background()).points)
+
+
+def test_no_gel_is_thicker_than_a_centimetre():
+    steep = replace(calibrated(), mm_per_pixel=20 * PITCH)
+    with pytest.raises(
+        UserError, match=r"indented by \d\d\.\d mm, but such gels are 10 mm thick at most: it is torn, or"
+    ):
+        steep.read(photo(ball()), background())
 
 
 @pytest.mark.parametrize(

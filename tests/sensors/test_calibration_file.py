@@ -32,6 +32,12 @@ def plain(tmp_path):
     return json.loads((tmp_path / "a.json").read_text())
 
 
+def test_a_file_that_an_editor_of_windows_saved_is_read(tmp_path, plain):
+    text = (tmp_path / "a.json").read_text(encoding="utf-8")
+    (tmp_path / "b.json").write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
+    assert Calibration.load(tmp_path / "b.json").columns == plain["columns"]
+
+
 def mistake(tmp_path, text):
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(UserError) as caught:
@@ -52,6 +58,9 @@ def mistake(tmp_path, text):
         ("rows", 10**9, "rows: it must be at most 16384"),
         ("sensor", "", "sensor: it must be text of 1 character"),
         ("sensor", None, "sensor: it must be text"),
+        ("sensor", "a\x1b[31m\nb", "sensor: the name must have no control characters"),
+        ("mm_per_pixel", 8.3, "mm_per_pixel: with 8.3 the image is 1328 × 996 mm, more than 100 mm: 8.3 looks like"),
+        ("gel", {"dome": [0.1, 0.1], "thickness": None}, "dome: with radii of 0.1 and 0.1 mm the corners"),
         ("gel", {"dome": [50], "thickness": None}, "gel.dome"),
         ("gel", {"dome": [50, -1], "thickness": None}, "gel.dome.1"),
         ("gel", {"dome": None, "thickness": 1e9}, "gel.thickness: it must be at most 1000"),

@@ -25,7 +25,7 @@ def test_it_is_the_change_in_per_cent_less_its_median():
         np.testing.assert_allclose(found[..., k], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("drift", [(9, -4, 0), (-5, -5, -5), (30, 20, 10)])
+@pytest.mark.parametrize("drift", [(9, -4, 0), (-5, -5, -5), (12, 8, 4)])
 def test_a_drift_of_the_light_is_taken_off(drift):
     image, background = pair()
     drifted = (image + np.array(drift)).astype(np.uint8)
@@ -48,6 +48,22 @@ def test_the_strength_is_the_greatest_of_the_three():
     np.testing.assert_array_equal(strength(change), np.abs(change).max(axis=-1))
 
 
+def cut_off(image, filled):
+    """An image whose last rows did not arrive."""
+    return np.concatenate([image[:-5], np.full_like(image[-5:], filled)])
+
+
+def test_rows_with_a_few_pixels_of_one_colour_are_whole():
+    image, background = pair()
+    image[:, [0, image.shape[1] // 2, -1]] = background[:, [0, image.shape[1] // 2, -1]] = 50
+    colour_change(image, background)
+
+
+def test_rows_of_one_colour_that_the_background_has_too_are_no_loss():
+    image, background = (cut_off(one, 0) for one in pair())
+    assert (colour_change(image, background)[-5:] == 0).all()
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -56,7 +72,18 @@ def test_the_strength_is_the_greatest_of_the_three():
         (lambda image, background: (image, background // 40), "its background is black"),
         (lambda image, background: (image | 255, background), "it is saturated at 100% of its pixels"),
         (lambda image, background: (image, background | 255), "its background is saturated"),
-        (lambda image, background: (image[::-1].copy(), background), "differ from its background's almost everywhere"),
+        (
+            lambda image, background: (np.roll(image, 7, 0), background),
+            "differ from its background's almost everywhere",
+        ),
+        (lambda image, background: (np.repeat(image[..., :1], 3, 2), background), "it is grey: a camera image has red"),
+        (lambda image, background: (image, np.repeat(background[..., :1], 3, 2)), "its background is grey"),
+        (lambda image, background: (cut_off(image, 0), background), "5 of its 41 rows have one colour: it was cut off"),
+        (lambda image, background: (cut_off(image, 128), background), "5 of its 41 rows have one colour"),
+        (
+            lambda image, background: (image + np.uint8(20), background),
+            "its light differs by 20% from its background's",
+        ),
     ],
 )
 def test_what_is_no_touch_is_refused(spoil, message):

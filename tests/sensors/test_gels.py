@@ -5,6 +5,7 @@ import pytest
 
 from pcsr import UserError
 from pcsr.sensors import GELS, Gel, gel
+from pcsr.sensors.gels import check_view, check_width
 
 
 def test_known_sensors_have_their_gel_and_others_a_flat_one():
@@ -35,3 +36,21 @@ def test_the_sag_is_that_of_a_parabola_and_close_to_a_sphere():
     ball = 30 - np.sqrt(30**2 - (points**2).sum(1))
     np.testing.assert_allclose(Gel((30.0, 30.0)).sag(points, 4, 3), ball, atol=0.004)
     assert not Gel().sag(points, 4, 3).any()
+
+
+def test_an_image_shows_no_more_than_a_fingertip():
+    check_width(320, 240, 0.0634)
+    check_width(240, 320, 100 / 320)
+    with pytest.raises(UserError, match=r"with 0\.4 the image is 96 × 128 mm, more than 100 mm: give the side of a"):
+        check_width(240, 320, 0.4)
+    with pytest.raises(UserError, match=r"15\.77 looks like pixels per mm: 1 / 15\.77 = 0\.0634$"):
+        check_width(320, 240, 15.77)
+
+
+def test_a_dome_is_not_more_curved_than_a_fingertip():
+    check_view(GELS["digit"], 240, 320, 0.051)
+    check_view(Gel(), 320, 240, 0.06)
+    with pytest.raises(
+        UserError, match=r"dome: with radii of 0\.5 and 0\.2 mm the corners of the gel lie .* mm behind"
+    ):
+        check_view(Gel((0.5, 0.2)), 320, 240, 0.06)

@@ -30,11 +30,19 @@ def test_transparency_is_left_out_and_palettes_are_colours(tmp_path):
     np.testing.assert_array_equal(read_rgb(tmp_path / "b.png"), np.asarray(few.convert("RGB")))
 
 
+@pytest.mark.parametrize(("orientation", "turned"), [(1, PIXELS), (3, PIXELS[::-1, ::-1]), (6, np.rot90(PIXELS, -1))])
+def test_an_image_is_turned_as_its_file_says(tmp_path, orientation, turned):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(PIXELS).save(tmp_path / "a.png", exif=exif)
+    np.testing.assert_array_equal(read_rgb(tmp_path / "a.png"), turned)
+
+
 @pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "CMYK"])
 def test_images_without_red_green_and_blue_are_refused(tmp_path, mode):
     name = "a.jpg" if mode == "CMYK" else "a.png"
     Image.new(mode, (32, 24)).save(tmp_path / name)
-    with pytest.raises(UserError, match=rf"{name} is an image of mode {mode}, without colours"):
+    with pytest.raises(UserError, match=rf"{name} is an image of mode {mode}, not of red, green and blue: save"):
         read_rgb(tmp_path / name)
 
 
@@ -61,4 +69,11 @@ def test_an_image_of_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, m
         read_rgb(tmp_path / "a.png")
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1)
     with pytest.raises(UserError, match=r"a\.png"):
+        read_rgb(tmp_path / "a.png")
+
+
+def test_an_image_that_pillow_takes_for_an_attack_is_too_large(tmp_path, monkeypatch):
+    Image.fromarray(PIXELS).save(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
+    with pytest.raises(UserError, match=r"a\.png is an image of more than 16777216 pixels: make it smaller"):
         read_rgb(tmp_path / "a.png")

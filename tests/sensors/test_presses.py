@@ -43,6 +43,15 @@ def test_what_shows_no_whole_ball_is_refused():
         press(ball(0.8, (2.0, 60.0)))
 
 
+@pytest.mark.parametrize(
+    ("diameter", "pitch"),
+    [(BALL / 10, PITCH), (BALL * 10, PITCH), (BALL, PITCH * 1e9), (BALL, 1 / PITCH), (BALL, 1e-12)],
+)
+def test_a_ball_of_another_order_of_size_than_the_region_is_refused(diameter, pitch):
+    with pytest.raises(UserError, match=r"times that of a ball of .* mm: check the ball's diameter and mm_per_pixel"):
+        press_of(PressImage("a", photo(ball()), diameter), background(), pitch)
+
+
 def test_a_contact_is_cut_off_where_its_circle_leaves_the_image():
     found = press(ball())
     assert not cut_off(found, np.array([20.0, 60.0]), 20.0)

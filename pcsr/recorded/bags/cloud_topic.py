@@ -12,6 +12,7 @@ from pcsr.recorded.fields import Axis
 from pcsr.recorded.likely_mistakes import THICKEST
 from pcsr.recorded.pose import transformed
 from pcsr.ros.point_clouds import coordinates, table
+from pcsr.sensors.gels import WIDEST
 
 MOST_SHALLOWEST = 5.0
 """Greatest depth of a contact's shallowest point in mm: most gels are 2 to 5 mm thick."""
@@ -47,6 +48,12 @@ class CloudTopic(TactileTopic):
             raise UserError(
                 f"its points are {low:.3g} to {high:.3g} mm deep in the gel, more than any gel is thick: check --axes "
                 f"and --face, and that the cloud is in metres"
+            )
+        width = float(np.abs(points[:, :2]).max())
+        if width > WIDEST:
+            raise UserError(
+                f"its points lie up to {width:.4g} mm beside the axis of the sensor, and no gel is wider than "
+                f"{WIDEST:g} mm: check --pose and --axes, and that the cloud is in the frame of the sensor"
             )
         return Pressed(points, greatest(points[:, 2]))
 

@@ -13,7 +13,10 @@ LEAST = 0.1
 LEAST_SHARE = 0.1
 """Smallest indentation of a contact, as a share of the greatest of all messages."""
 NOISES = 5.0
-"""Smallest indentation of a contact, in standard deviations of the noise from message to message."""
+"""Smallest indentation of a contact, in standard deviations of the noise from message to message.
+
+In few messages a second the press itself looks like noise, so that `SHARE` of the greatest indentation is enough.
+"""
 SMOOTHED = 5
 """Number of messages whose median is taken."""
 STRAY = 1.2
@@ -53,7 +56,7 @@ def threshold(depths: Float64[np.ndarray, " n"], times: Int64[np.ndarray, " n"])
     # The median of a normal distribution's absolute values is 0.6745; a step is the difference of two values.
     noise = float(np.median(steps)) / 0.6745 / np.sqrt(2) if len(steps) else 0.0
     greatest = max((float(_smoothed(depths[part]).max()) for part in parts), default=0.0)
-    return max(LEAST, LEAST_SHARE * greatest, NOISES * noise)
+    return max(LEAST, LEAST_SHARE * greatest, min(NOISES * noise, SHARE * greatest))
 
 
 def _parts(times: Int64[np.ndarray, " n"]) -> list[slice]:

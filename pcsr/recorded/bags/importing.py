@@ -26,6 +26,11 @@ from pcsr.ros.bag import Bag
 from pcsr.ros.topics import Topic
 from pcsr.ros.transforms import MAX_GAP, plain
 
+STILL = 1e-6
+"""Difference of two poses, in metres and of their rotations, up to which they are equal."""
+FAR = 10.0
+"""Distance of a sensor from the object's frame in metres from which on the unit may be wrong."""
+
 
 @dataclass(frozen=True)
 class ImportOptions:
@@ -168,9 +173,24 @@ def _touches(
             raise UserError(f"the touches have more than {MOST_TOUCHED_POINTS} points: name some of them with --at")
     if not found:
         raise UserError(f"none of the {len(chosen)} contacts can be used: {left_out[0]}")
-    for line in left_out:
+    for line in [*left_out, *poses.transforms.doubts, *_odd_poses(found, poses)]:
         warnings.warn(line, PcsrWarning, stacklevel=3)
     return found
+
+
+def _odd_poses(touches: Sequence[ImportedTouch], poses: Poses) -> list[str]:
+    """Return what is odd about the poses of touches: they are equal, or far from the object."""
+    lines = []
+    positions = np.array([one.pose[:3, 3] for one in touches])
+    if len(touches) > 1 and all(np.allclose(one.pose, touches[0].pose, atol=STILL) for one in touches):
+        lines.append(
+            f"all {len(touches)} touches have the same pose, as '{poses.source}' does not move against "
+            f"'{poses.target}': is the object at rest in '{poses.target}'?"
+        )
+    farthest = float(np.linalg.norm(positions, axis=1).max())
+    if farthest > FAR:
+        lines.append(f"'{poses.source}' is up to {farthest:.4g} m from '{poses.target}': are the poses in metres?")
+    return lines
 
 
 def _write(folder: Path, touches: Sequence[ImportedTouch], reader: TactileTopic, options: ImportOptions) -> None:

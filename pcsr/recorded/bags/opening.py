@@ -1,5 +1,6 @@
 """Choice of the reader of a tactile topic, by its messages and the options that belong to them."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.inputs import read_bytes
 from pcsr.limits import LARGEST_JSON
 from pcsr.recorded.bags.cloud_topic import CloudTopic
@@ -22,6 +23,7 @@ from pcsr.ros.bag import Bag
 from pcsr.ros.images import CAMERA_INFO, COMPRESSED, IMAGE
 from pcsr.ros.point_clouds import POINT_CLOUD
 from pcsr.ros.topics import Topic, listed
+from pcsr.sensors.background import doubt
 from pcsr.sensors.calibration import Calibration
 from pcsr.sensors.images import read_rgb
 
@@ -141,6 +143,10 @@ def _colour_topic(topic: Topic, sensor: Sensor, content: Any, message_at: Callab
             background = _named(topic, images.colours, message_at(time, "--background"))
         else:
             background = read_rgb(Path(sensor.background))
+    what = "its first image, taken as the background," if sensor.background is None else "--background"
+    _named(topic, lambda image: calibration.check_background(image, what), background)
+    if remark := doubt(background, calibration.background, what, calibration.sensor):
+        warnings.warn(f"{topic.name}: {remark}", PcsrWarning, stacklevel=2)
     return ColourTopic(calibration, read_bytes(sensor.calibration, most=LARGEST_JSON), background)
 
 

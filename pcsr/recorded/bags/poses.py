@@ -51,6 +51,11 @@ def read_poses(bag: Bag, pose: str, object_frame: str | None, max_gap: float, ad
     Raises:
         UserError: there is no such frame or topic, or no transforms lead to the object.
     """
+    if object_frame is not None and plain(pose) == plain(object_frame):
+        raise UserError(
+            f"--pose and --object-frame are both '{plain(pose)}': name the frame of the sensor, and the frame in which "
+            f"the object does not move"
+        )
     transforms = Transforms(max_gap)
     if not pose.startswith("/") or pose not in bag.topics:
         _add_tf(bag, transforms, advance)

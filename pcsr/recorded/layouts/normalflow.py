@@ -23,9 +23,9 @@ from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.fields import LayoutOptions, Length, Positive
 from pcsr.recorded.images import height_contact
 from pcsr.recorded.layouts.arrays import METRE
-from pcsr.recorded.likely_mistakes import check_width
 from pcsr.recorded.pose import check_matrix, rotation_from, sensor_to_object, transformed
 from pcsr.recorded.pose_models import Pose
+from pcsr.sensors.gels import check_width
 from pcsr.sensors.integration import integrated
 
 MEASURED = "true_start_T_currs.npy"

@@ -11,8 +11,9 @@ from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.errors import UserError
 from pcsr.recorded import Recording
-from pcsr.recorded.likely_mistakes import WIDEST, check_indentation
+from pcsr.recorded.likely_mistakes import check_indentation
 from pcsr.report.recording.facts import TouchFacts, in_sensors
+from pcsr.sensors.gels import WIDEST
 from pcsr.touches import GivenTouches
 
 MOST_NAMED = 3
