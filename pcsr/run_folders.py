@@ -123,7 +123,7 @@ def run_folders(runs: Path) -> list[RunFolder]:
         UserError: the folder does not exist or cannot be read.
     """
     try:
-        inside = sorted(path for path in runs.iterdir() if path.is_dir())
+        inside = sorted(path for path in runs.iterdir() if path.is_dir() and path.name[0] != ".")
     except OSError as error:
         raise UserError(f"the folder of runs, {runs}, cannot be read: {error.strerror}; name it with --runs") from error
     return [RunFolder.read(path) for path in inside if is_run_folder(path)]

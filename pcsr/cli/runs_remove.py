@@ -42,9 +42,10 @@ def _remove(folders: Sequence[Path]) -> None:
         RunError: a folder can't be removed.
     """
     for folder in folders:
-        aside = folder.with_name(f".{folder.name}.removed")
+        whole = folder.absolute()  # `.` has no name
+        aside = whole.with_name(f".{whole.name}.removed")
         try:
-            folder.rename(aside)
+            whole.rename(aside)
             shutil.rmtree(aside)
         except OSError as error:
             raise RunError(f"{folder} can't be removed: {error.strerror or error}") from error

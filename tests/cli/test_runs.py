@@ -119,6 +119,12 @@ def test_runs_are_removed_after_a_question(call, runs):
     assert not list(Path("runs").iterdir())
 
 
+def test_the_current_folder_is_removed_by_its_name(call, runs, monkeypatch):
+    monkeypatch.chdir(runs[0])
+    assert "removed ." in call("runs", "rm", "--yes", ".")
+    assert not runs[0].exists()
+
+
 def test_only_run_folders_are_removed(call, runs, tmp_path):
     (tmp_path / "notes").mkdir()
     Path("link").symlink_to(runs[0])
