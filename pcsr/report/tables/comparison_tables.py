@@ -118,18 +118,18 @@ def _differences_from_first(compared: Comparison) -> TextTable | None:
 
 
 def difference_text(difference: Difference | None, row: Row, digits: int) -> str:
-    """Difference as text, such as ``-0.12 [-0.20, -0.03]``, and on a second line p-value, wins and seeds."""
+    """Difference as text, such as ``-0.12 [-0.20, -0.03]``, and lines of the p-value and of wins and seeds."""
     if difference is None:
         return ""
     text = f"{difference.mean:+z.{digits}f}"
     if difference.interval is not None:
         low, high = difference.interval
         text += f" [{low:+z.{digits}f}, {high:+z.{digits}f}]"
-    facts = [] if difference.p_value is None else [p_text(difference.p_value)]
-    facts.append(f"{difference.wins}/{len(row.runs[0].objects)} wins")
+    lines = [text] if difference.p_value is None else [text, p_text(difference.p_value)]
+    lines.append(f"{difference.wins}/{len(row.runs[0].objects)} wins")
     if difference.better_seeds is not None:
-        facts.append(f"{difference.better_seeds}/{len(row.runs)} seeds")
-    return f"{text}\n{', '.join(facts)}"
+        lines[-1] += f", {difference.better_seeds}/{len(row.runs)} seeds"
+    return "\n".join(lines)
 
 
 def p_text(p_value: float) -> str:

@@ -46,10 +46,11 @@ def _latex_table(table: TextTable, label: str) -> str:
     for i, row in enumerate(table.cells):
         lines.append(" & ".join(_latex_cell(cell, (i, k) in table.bold, k) for k, cell in enumerate(row)) + r" \\")
     body = "\n".join(lines)
+    caption = f"{_latex_text(table.title)}. {_latex_text(table.note)}"
     return (
-        f"\\begin{{table}}\n\\centering\n\\caption{{{_latex_text(table.title)}. {_latex_text(table.note)}}}\n"
-        f"\\label{{{label}}}\n\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n\\toprule\n{body}\n"
-        "\\bottomrule\n\\end{tabular}\n\\end{table}\n"
+        "\\begin{table}\n\\centering\n\\footnotesize\n\\setlength{\\tabcolsep}{4pt}\n"
+        f"\\caption{{{caption}}}\n\\label{{{label}}}\n\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n"
+        f"\\toprule\n{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
     )
 
 
