@@ -133,6 +133,8 @@ class Model:
         unused = len(screened.used) - len(cloud) if keep else 0
         wanted = output_count(len(cloud), unused, rate, count)
         given_touches = GivenTouches.of(touches, pose_error, as_is=touch_as_is)
+        if isinstance(touches, str | Path):
+            given_touches = given_touches.in_frame(cloud)
         given_touches.check(cloud)
         power = exponent([cloud])
         touched = given_touches.moved(given_touches.registration(cloud)).points(power)

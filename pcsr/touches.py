@@ -22,7 +22,7 @@ MOST_DISTANCE = 0.5
 MOST_SIZE = 2.0
 """Largest diameter of a touch, in diameters of the cloud."""
 MOST_NAMED = 5
-"""Most refused touches that a warning names."""
+"""Most touches that a warning names."""
 
 TouchesLike = str | Path | Sequence[Any] | Registration
 """Folder of a recording, `Touch` records and arrays of points, or touches that are registered already."""
@@ -80,28 +80,62 @@ class GivenTouches:
         Raises:
             UserError: a touch is empty, not finite, far from the cloud or far too large.
         """
+        for error in self._mistakes(cloud).values():
+            raise error
+
+    def in_frame(self, cloud: Float[np.ndarray, "n 3"]) -> "GivenTouches":
+        """Return the touches that are in the frame and unit of the cloud.
+
+        Raises:
+            UserError: no touch is.
+
+        Warns:
+            PcsrWarning: some touches are left out.
+        """
+        mistakes = self._mistakes(cloud)
+        if len(mistakes) == len(self.touches):
+            self.check(cloud)
+        if mistakes:
+            reasons = _listed([str(error) for error in mistakes.values()])
+            warnings.warn(
+                f"{len(mistakes)} of {len(self.touches)} touches are not used: {reasons}", PcsrWarning, stacklevel=3
+            )
+        kept = [index for index in range(len(self.touches)) if index not in mistakes]
+        return replace(self, touches=[self.touches[k] for k in kept], names=[self.names[k] for k in kept])
+
+    def _mistakes(self, cloud: Float[np.ndarray, "n 3"]) -> dict[int, UserError]:
+        """Return the errors of touches that are empty, not finite, far from the cloud or far too large, by index."""
         if not self.touches:
-            return
+            return {}
         power = exponent([cloud])
         cloud = scaled(cloud, -power)
         middle = cloud.mean(0)
         radius = float(np.linalg.norm(cloud - middle, axis=1).max())
+        mistakes: dict[int, UserError] = {}
         for number, touch in enumerate(self.points(power)):
-            if len(touch) == 0 or not np.isfinite(touch).all():
-                raise UserError(f"{self.names[number]} has {len(touch)} points, which must be some and finite")
-            with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
-                size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
-                away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
-            check_frame(
-                self.names[number],
-                "the cloud",
-                distance=away,
-                extent=2 * radius,
-                most_distance=MOST_DISTANCE,
-                size=size,
-                most_size=MOST_SIZE,
-                power=power,
-            )
+            try:
+                self._check_one(self.names[number], touch, middle, radius, power)
+            except UserError as error:
+                mistakes[number] = error
+        return mistakes
+
+    @staticmethod
+    def _check_one(name: str, touch: CloudPoints, middle: Float[np.ndarray, "3"], radius: float, power: int) -> None:
+        if len(touch) == 0 or not np.isfinite(touch).all():
+            raise UserError(f"{name} has {len(touch)} points, which must be some and finite")
+        with np.errstate(over="ignore", invalid="ignore"):  # a touch in a unit that is far too small
+            size = 2 * float(np.linalg.norm(touch - touch.mean(0), axis=1).max())
+            away = float(np.linalg.norm(touch - middle, axis=1).min()) - radius
+        check_frame(
+            name,
+            "the cloud",
+            distance=away,
+            extent=2 * radius,
+            most_distance=MOST_DISTANCE,
+            size=size,
+            most_size=MOST_SIZE,
+            power=power,
+        )
 
     @property
     def to_register(self) -> list[Touch]:
@@ -132,11 +166,15 @@ class GivenTouches:
             touches.append(touch if one is None else one.touch)
             names.append(name)
         if refused and warn:
-            more = f"; and {len(refused) - MOST_NAMED} more" if len(refused) > MOST_NAMED else ""
             warnings.warn(
-                f"{len(refused)} of {len(self.touches)} touches are refused and not used: "
-                f"{'; '.join(refused[:MOST_NAMED])}{more}",
+                f"{len(refused)} of {len(self.touches)} touches are refused and not used: {_listed(refused)}",
                 PcsrWarning,
                 stacklevel=4,
             )
         return replace(self, touches=touches, names=names, as_is=True)
+
+
+def _listed(reasons: Sequence[str]) -> str:
+    """Join the first reasons, with the number of further ones."""
+    more = f"; and {len(reasons) - MOST_NAMED} more" if len(reasons) > MOST_NAMED else ""
+    return "; ".join(reasons[:MOST_NAMED]) + more

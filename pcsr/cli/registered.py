@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,11 +49,14 @@ class RegistrationOutput:
         from pcsr.touches import GivenTouches
 
         touches = self.recording.touches
-        if not touches or as_is:
+        if not touches:
             return touches
-        names = [f"touch {index} ({name})" for index, name in enumerate(self.recording.names)]
-        given = GivenTouches(list(touches), names, self.recording.pose_error, as_is=False)
-        given.check(cloud)
+        given = GivenTouches(list(touches), list(self.recording.names), self.recording.pose_error, as_is=False)
+        given = given.in_frame(cloud)
+        self.used = len(given.touches)
+        self.recording = replace(self.recording, touches=given.to_register, names=given.names)
+        if as_is:
+            return given.touches
         task = progress.add_task("registering touches", total=None)
         registration = given.registration(cloud)
         progress.remove_task(task)

@@ -1,6 +1,7 @@
 """Registration of the touches of `pcsr upsample`: the table, the report, and the options, run as a person would."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,3 +135,15 @@ def test_touches_in_another_unit_are_refused_before_they_are_registered(folder, 
     write(folder / "touches", by_hand.touches(0.001), overwrite=True)
     done = upsample()
     assert (done.exit_code, "it is in another unit or frame" in done.stderr) == (2, True), done.output
+
+
+@pytest.mark.parametrize("more", [[], ["--touch-as-is"]])
+def test_a_touch_far_from_the_cloud_is_left_out_and_named(folder, more):
+    far = replace(by_hand.touches()[0], points=by_hand.touches()[0].points + 1e4)
+    write(folder / "touches", [*by_hand.touches(), far], [*by_hand.NAMES, "far"], overwrite=True)
+    done = upsample(*more)
+    assert done.exit_code == 0, done.output
+    assert "1 of" in done.stderr
+    assert "touches are not used: far is 12" in done.stderr
+    assert "it is in another unit or frame" in done.stderr
+    assert f"of {len(by_hand.NAMES) + 1} touches to" in done.stderr

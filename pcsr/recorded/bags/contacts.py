@@ -13,9 +13,12 @@ LEAST = 0.1
 LEAST_SHARE = 0.1
 """Smallest indentation of a contact, as a share of the greatest of all messages."""
 NOISES = 5.0
-"""Smallest indentation of a contact, in standard deviations of the noise from message to message.
+"""Smallest indentation of a contact, in standard deviations of the noise from message to message."""
+SURE = 2.5
+"""Where the greatest indentation exceeds this many deviations of the noise, `SHARE` of it is a contact in any case.
 
-In few messages a second the press itself looks like noise, so that `SHARE` of the greatest indentation is enough.
+With few messages a second the presses themselves look like noise. Noise alone reaches 2 deviations, since medians are
+taken.
 """
 SMOOTHED = 5
 """Number of messages whose median is taken."""
@@ -56,7 +59,8 @@ def threshold(depths: Float64[np.ndarray, " n"], times: Int64[np.ndarray, " n"])
     # The median of a normal distribution's absolute values is 0.6745; a step is the difference of two values.
     noise = float(np.median(steps)) / 0.6745 / np.sqrt(2) if len(steps) else 0.0
     greatest = max((float(_smoothed(depths[part]).max()) for part in parts), default=0.0)
-    return max(LEAST, LEAST_SHARE * greatest, min(NOISES * noise, SHARE * greatest))
+    above_noise = min(NOISES * noise, SHARE * greatest) if greatest > SURE * noise else NOISES * noise
+    return max(LEAST, LEAST_SHARE * greatest, above_noise)
 
 
 def _parts(times: Int64[np.ndarray, " n"]) -> list[slice]:

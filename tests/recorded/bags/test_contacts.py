@@ -90,3 +90,11 @@ def test_noise_and_deep_touches_raise_the_threshold():
     depths = np.zeros(1000)
     depths[300:600] = 4.0
     assert threshold(depths, times) == pytest.approx(0.4)
+
+
+def test_slow_presses_in_few_messages_a_second_are_no_noise():
+    """Three presses of 2 s in 5 messages a second: the indentation changes in most messages."""
+    times = np.arange(33, dtype=np.int64) * 200_000_000
+    press = 0.75 * np.sin(np.pi * np.arange(11) / 10)
+    depths = np.tile(press, 3)
+    assert contacts(depths, times) == [5, 16, 27]
