@@ -31,7 +31,10 @@ UNCHECKED_SIZE = 1 << 27
 
 def gigabytes(count: int | float) -> str:
     """Format a number of bytes, such as "1.5 GB"."""
-    return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e6:.3g} MB"
+    for unit, size in (("GB", 1e9), ("MB", 1e6)):
+        if count >= size / 10:
+            return f"{count / size:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"
 
 
 def free_memory() -> int | None:

@@ -38,6 +38,9 @@ class Data(BaseModel):
     left_out: int = 0
     """Objects that were rejected as unusable."""
     fingerprint: str | None = None
+    radii: list[FiniteFloat] | None = None
+    """Root mean square distance of each sparse cloud's points from their mean, in radii of the truth's bounding sphere.
+    Runs on the same clouds have the same radii, but for rounding. None in results of pcsr 0.2 and older."""
 
 
 class MetricNote(BaseModel):
@@ -166,6 +169,8 @@ class Results(BaseModel):
             for key in ("touched", "plain", "replaced"):
                 if (found := len(getattr(self.touch, key))) != len(self.objects):
                     raise ValueError(f"touch.{key} has {found} values for {len(self.objects)} objects")
+        if self.data.radii is not None and len(self.data.radii) != len(self.objects):
+            raise ValueError(f"data.radii has {len(self.data.radii)} values for {len(self.objects)} objects")
         return self
 
 

@@ -15,9 +15,13 @@ from safetensors import SafetensorError, safe_open
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.results import RERUN, Results, read_results, read_text, write_results
+from pcsr.weights import WEIGHTS
 
 Cloud = Float[np.ndarray, "_ 3"]
 RESULTS, EXAMPLES, HISTORY = "results.json", "examples.safetensors", "metrics.jsonl"
+RECIPE, ENVIRONMENT, CHECKPOINT = "recipe.json", "environment.json", "checkpoint.safetensors"
+PLUGINS = "plugins"
+"""Folder, within a run folder, of the copies of plugin files."""
 
 
 def snapshot_file(step: int) -> str:
@@ -61,6 +65,53 @@ def read_run(folder: Path) -> FinishedRun:
     results = read_results(folder / RESULTS)
     examples = read_examples(folder / EXAMPLES, [method.name for method in results.methods])
     return FinishedRun(folder, results, examples, read_history(folder / HISTORY))
+
+
+def read_results_of(folder: Path) -> FinishedRun:
+    """Read a run folder as `read_run`, or its results alone, without examples and history, where those are missing.
+
+    Raises:
+        UserError: the run is not finished, or its results are malformed.
+    """
+    if not (folder / RESULTS).exists():
+        raise UserError(f"{folder} is not finished: it has no {RESULTS}; do `pcsr run` again")
+    try:
+        return read_run(folder)
+    except UserError:
+        return FinishedRun(folder, read_results(folder / RESULTS), [], None)
+
+
+def is_run_folder(folder: Path) -> bool:
+    """Whether a folder holds a file by which run folders are known."""
+    return any((folder / name).is_file() for name in (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY, EXAMPLES))
+
+
+def check_run_folder(folder: Path) -> None:
+    """Check that a folder is a run folder.
+
+    Raises:
+        UserError: it does not exist, or holds none of the files of a run.
+    """
+    if not is_run_folder(folder):
+        raise UserError(f"{folder} is no run folder: name one that `pcsr run` has written")
+
+
+def read_environment(folder: Path) -> dict[str, dict[str, Any]]:
+    """Read the environments of a run's stages, "training" and "evaluation"; empty in run folders of pcsr before 0.3.
+
+    Raises:
+        UserError: the file is malformed.
+    """
+    path = folder / ENVIRONMENT
+    if not path.exists():
+        return {}
+    try:
+        stages = json.loads(read_text(path))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise UserError(f"{path} is not JSON: {error}; {RERUN}") from error
+    if not isinstance(stages, dict) or not all(isinstance(about, dict) for about in stages.values()):
+        raise UserError(f"{path} is not an object of stages; {RERUN}")
+    return stages
 
 
 def write_run(run: FinishedRun) -> None:

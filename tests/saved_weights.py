@@ -18,7 +18,9 @@ plugins = functools.cache(load_plugins)
 
 
 def recipe(*overrides: str) -> Recipe:
-    (only,) = load(SMOKE, load_plugins(), ["model.encoder.channels=16", "model.backbone.channels=[8, 16]", *overrides])
+    small = ["model.encoder.channels=16", "model.backbone.channels=[8, 16]"]
+    small.append("model.upsampler={use: shuffle, hidden: 16, start: neighbours}")
+    (only,) = load(SMOKE, load_plugins(), [*small, *overrides])
     return only
 
 

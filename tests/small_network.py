@@ -9,7 +9,11 @@ from pcsr.recipe import Recipe, load
 
 SMOKE = Path(__file__).parents[1] / "pcsr/recipes/smoke.yaml"
 # From `neighbours` the upsampler starts with weights of zero, which would hide what comes before it.
-TINY = ("model.encoder.channels=16", "model.backbone.channels=[8, 16]", "model.upsampler.start=origin")
+TINY = (
+    "model.encoder.channels=16",
+    "model.backbone.channels=[8, 16]",
+    "model.upsampler={use: shuffle, hidden: 16, start: origin}",
+)
 NO_FUSION = ("model.fusion=none", "model.touch_encoder=null")
 RATE, N = 4, 30
 

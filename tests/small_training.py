@@ -25,7 +25,7 @@ model:
   encoder: {{channels: 8}}
   touch_encoder: {{channels: 4}}
   backbone: {{channels: [8], neighbours: 4}}
-  upsampler: {{hidden: 8, start: origin}}
+  upsampler: {{use: shuffle, hidden: 8, start: origin}}
 train: {{epochs: 4, batch: 3, touches: [0, 2]}}
 """
 STEPS = 8

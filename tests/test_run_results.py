@@ -67,8 +67,10 @@ def test_all_numbers_are_there_and_nothing_that_json_does_not_know(registry, spl
     ]
     assert list(made["data"]) == [
         *("shapes", "split", "points", "truth", "rate", "touches", "sampling", "seed", "normalisation"),
-        *("object_size", "coverage", "left_out", "fingerprint"),
+        *("object_size", "coverage", "left_out", "fingerprint", "radii"),
     ]
+    for radius, points in zip(made["data"]["radii"], split.points, strict=True):
+        assert radius == pytest.approx(float(np.linalg.norm(points - points.mean(0), axis=1).__pow__(2).mean() ** 0.5))
     assert made["touch"] is None
     assert made["protocol"] == "as pcsr upsample"
     assert made["hardware"]["load"] is None

@@ -7,6 +7,7 @@ from pcsr.cli import interrupt  # first: Ctrl-C is handled while the slower impo
 import errno
 import importlib
 import os
+import shlex
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,8 @@ from pcsr.errors import PcsrError, RunError, UserError, did_you_mean
 
 GROUP = "pcsr.commands"
 """The entry-point group in which plugins announce commands: `name = "module:click_command"`."""
+WORDS = "pcsr.words"
+"""Key of click's context at which the words after `pcsr` are."""
 
 
 class BuiltIn(NamedTuple):
@@ -39,7 +42,9 @@ COMMANDS = {
     "view": BuiltIn("pcsr.cli.view:view", "Show clouds side by side in the browser."),
     "export": BuiltIn("pcsr.cli.export:export", "Export a network to ONNX, or its weights to a file."),
     "run": BuiltIn("pcsr.cli.run:run", "Train and evaluate a recipe, or compare several."),
-    "compare": BuiltIn("pcsr.cli.compare:compare", "Train and evaluate recipes or parts under equal conditions."),
+    "compare": BuiltIn("pcsr.cli.compare:compare", "Compare recipes, parts or finished runs under equal conditions."),
+    "runs": BuiltIn("pcsr.cli.runs:runs", "List, show and remove run folders."),
+    "report": BuiltIn("pcsr.cli.report:report", "Write the reports of finished runs again."),
     "figures": BuiltIn("pcsr.cli.figures:figures", "Draw the figures of finished runs as PNG files."),
     "data": BuiltIn("pcsr.cli.data:data", "Build and inspect data sets of clouds and touches."),
     "register": BuiltIn("pcsr.cli.register:register", "Register touches to a cloud and report the error of the arm."),
@@ -119,10 +124,13 @@ class Commands(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+    def make_context(self, info_name: str | None, args: list[str], *others: Any, **kwargs: Any) -> click.Context:
         """Parse the options before the command's name; `--help` prints its page here."""
+        words = list(args)  # parsing empties it
         with _reported_errors():
-            return super().make_context(*args, **kwargs)
+            context = super().make_context(info_name, args, *others, **kwargs)
+        context.meta[WORDS] = words
+        return context
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command and report its errors."""
@@ -211,6 +219,13 @@ def explain(error: BaseException) -> tuple[str, int]:
 @click.option("--traceback", is_flag=True, help="Show Python's traceback of an error, and all warnings.")
 def pcsr(traceback: bool) -> None:
     """Point-cloud super-resolution with touch."""
+
+
+def command_line() -> str | None:
+    """Return the command line of the command that runs, as a shell takes it; None outside of a command."""
+    context = click.get_current_context(silent=True)
+    words = None if context is None else context.meta.get(WORDS)
+    return None if words is None else shlex.join(["pcsr", *words])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -32,7 +32,7 @@ def data() -> None:
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Set a key of the recipe's section `data`, such as sampling=view or touch.object_size=30, or an option of "
+    help="Set a key of the recipe's section data, such as sampling=view or touch.object_size=30, or an option of "
     "the shapes, such as count=40. The value is YAML. May be repeated.",
 )
 @plugin_option
@@ -53,7 +53,7 @@ def make(
 ) -> None:
     """Build a data set.
 
-    SHAPES is a folder of meshes, the name of a shape source such as cad-parts, or a recipe, whose section `data` is
+    SHAPES is a folder of meshes, the name of a shape source such as cad-parts, or a recipe, whose section data is
     used. Finished parts of the data set are not built again: after an interruption the same command goes on.
     """
     from pcsr.data.build import build_split

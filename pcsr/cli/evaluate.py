@@ -58,7 +58,7 @@ def evaluate(
 ) -> None:
     """Measure a cloud against the true one.
 
-    PREDICTION and TRUTH are files of clouds, in any format that `pcsr upsample` reads. A warning says so if one of them
+    PREDICTION and TRUTH are files of clouds, in any format that pcsr upsample reads. A warning says so if one of them
     is more than 3 times as large as the other, as in another unit.
     """
     from rich import box

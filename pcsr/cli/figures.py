@@ -29,8 +29,10 @@ def figures(runs: tuple[Path, ...], out: Path) -> None:
     """  # noqa: D301 (click's mark is the letter itself)
     from pcsr.extras import require
     from pcsr.report import write_figures
-    from pcsr.run_files import read_run
+    from pcsr.run_files import check_run_folder, read_run
 
     require({"matplotlib": "a figure"})
+    for folder in runs:
+        check_run_folder(folder)
     for path in write_figures([read_run(folder) for folder in runs], out):
         click.echo(str(path))

@@ -1,13 +1,16 @@
 """`pcsr run`: train and evaluate a recipe."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pcsr.cli.options import FILE, plugin_option, set_option
-from pcsr.cli.running import run_all, run_options
+from pcsr.cli.running import prepared, run_each, run_options
 from pcsr.errors import UserError
+
+if TYPE_CHECKING:
+    from pcsr.experiments.run_options import RunOptions
 
 
 @click.command()
@@ -22,7 +25,7 @@ from pcsr.errors import UserError
 )
 @plugin_option
 @run_options
-def run(recipe: Path, overrides: tuple[str, ...], row: int | None, registry: Any, where: dict[str, Any]) -> None:
+def run(recipe: Path, overrides: tuple[str, ...], row: int | None, registry: Any, options: "RunOptions") -> None:
     """Train and evaluate a recipe, or compare several.
 
     Writes the weights, the results and a report to a run folder. Finished work is not repeated: training goes on from
@@ -31,6 +34,7 @@ def run(recipe: Path, overrides: tuple[str, ...], row: int | None, registry: Any
 
     A recipe with a matrix, or one that names other recipes, is run row by row, and ends in a table of all rows.
     """
+    from pcsr.cli.comparing import check_failed, show
     from pcsr.recipe import load
 
     recipes = load(recipe, registry, overrides)
@@ -38,4 +42,9 @@ def run(recipe: Path, overrides: tuple[str, ...], row: int | None, registry: Any
         if row > len(recipes):
             raise UserError(f"--row {row}: {recipe} has {len(recipes)} runs: give a number from 1 to {len(recipes)}")
         recipes = [recipes[row - 1]]
-    run_all(recipes, registry, where, recipe.stem)
+    recipes = prepared(recipes, registry, options)
+    finished, failed = run_each(recipes, registry, options, alone=len(recipes) == 1)
+    done = [one for one in finished if one is not None]
+    if done and len(recipes) > 1:
+        show(done, failed, recipe.stem, options.runs)
+    check_failed(failed, len(recipes))

@@ -42,9 +42,9 @@ def read(images: tuple[Path, ...], background: Path, calibration_file: Path, out
     """Compute the contact points of images of a tactile sensor.
 
     IMAGE is a camera image of a touch, or a folder of them. The points are in mm, in the frame of the sensor: x to the
-    right of the image, y up, z out of the object into the gel, the origin at the centre of the untouched gel. A column
-    `error` has the expected error of each point, as a standard deviation. Of a contact at the edge of the image a part
-    may be out of view.
+    right of the image, y up, z out of the object into the gel, the origin at the centre of the untouched gel. The
+    column error has the expected error of each point, as a standard deviation. Of a contact at the edge of the image a
+    part may be out of view.
 
     \b
     pcsr sensor read touch.png --background rest.png --calibration mini.json -o touch.ply --preview touch-seen.png

@@ -70,7 +70,7 @@ def view(
     """Show clouds side by side in the browser.
 
     FILE is the file of a cloud, or - for a pipe. One camera turns around all clouds. Writes the page view.html, which
-    needs no network, and opens it. Without a desktop it says where the page is. A column `source` (0 old, 1 new, 2
+    needs no network, and opens it. Without a desktop it says where the page is. A column called source (0 old, 1 new, 2
     touched), or --before, sets the colours of old, new and touched points. Of a large cloud 200,000 points are shown,
     drawn at random.
 

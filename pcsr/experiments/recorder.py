@@ -21,6 +21,7 @@ from pcsr.experiments.weight_average import WeightAverage
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.kinds import AnyNetwork
 from pcsr.recipe import Recipe
+from pcsr.run_files import CHECKPOINT
 from pcsr.threads import thread_count, threads
 from pcsr.upsample import points_at_once, upsample_plainly
 from pcsr.weights.file import read_file
@@ -28,7 +29,6 @@ from pcsr.weights.file import read_file
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-CHECKPOINT = "checkpoint.safetensors"
 WATCHED = 16
 """Number of validation objects that are measured during training."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from rich.console import Console
 
 import pcsr
@@ -17,6 +18,7 @@ from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import UserError
+from pcsr.experiments.environment import record
 from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import initial
@@ -98,6 +100,7 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
         if recipe.evaluate.objects is not None:
             test = test.spread(recipe.evaluate.objects)
         network.to(fabric.device)
+        record(folder, "evaluation", recipe, registry, options.command)
         compared = methods(recipe, network, registry)
         task = progress.add_task("evaluating", total=2 * len(test) * len(compared))
         evaluation = evaluate(
@@ -150,6 +153,7 @@ def results_of(
             coverage=split.coverage(data.touches),
             left_out=len(split.about["rejected"]),
             fingerprint=split.about["fingerprint"],
+            radii=[_radius(points) for points in split.points],
         ),
         metrics={
             name: MetricNote(description=metric.description, scale=metric.scale)
@@ -171,6 +175,11 @@ def results_of(
         },
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
+
+
+def _radius(points: Float[torch.Tensor, "n 3"]) -> float:
+    """Root mean square distance of points from their mean."""
+    return float((points.double() - points.double().mean(0)).square().sum(1).mean().sqrt())
 
 
 def examples_of(recipe: Recipe, split: Split, evaluation: Evaluation) -> list[Example]:

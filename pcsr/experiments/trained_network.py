@@ -1,6 +1,5 @@
 """Network of a run, with weights that the recipe names, that a run folder holds, or that are trained."""
 
-import json
 import shutil
 import warnings
 from pathlib import Path
@@ -13,11 +12,11 @@ from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
 from pcsr.errors import PcsrWarning, UserError
+from pcsr.experiments.environment import record, write_environment
 from pcsr.experiments.finished_runs import EarlierWeights, of_other_code, of_recipe
-from pcsr.experiments.recorder import CHECKPOINT, checkpoint_step
+from pcsr.experiments.recorder import checkpoint_step
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import train
-from pcsr.files import write_text
 from pcsr.grafting.description import described
 from pcsr.grafting.grafted_network import GraftedNetwork
 from pcsr.network.card import other_code
@@ -27,7 +26,7 @@ from pcsr.network.save import save_weights
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
-from pcsr.run_files import snapshot_file
+from pcsr.run_files import CHECKPOINT, ENVIRONMENT, read_environment, snapshot_file
 from pcsr.weights import WEIGHTS
 
 if TYPE_CHECKING:
@@ -88,8 +87,7 @@ def trained(
         train_data, validation = data("train", progress), data("validation", progress)
         if fabric.is_global_zero:
             data("test", progress)  # report missing or damaged data before hours of training
-            write_text(folder / "recipe.json", json.dumps(recipe.resolved(), indent=1))
-            training_folder.mkdir(exist_ok=True)
+            record(training_folder, "training", recipe, registry, options.command)
     if fabric.is_global_zero:
         if earlier is not None:
             remedy = "training again; --keep-weights measures the old weights with the new code"
@@ -127,6 +125,8 @@ def trained(
         progress.console.print(f"{text} {training['best_step']}, with the lowest validation error")
     save(folder / WEIGHTS, network, training)
     if options.retrain:
+        write_environment(folder, "training", read_environment(training_folder)["training"])
+        (training_folder / ENVIRONMENT).unlink()
         (training_folder / CHECKPOINT).unlink()  # first: a checkpoint without its history is useless
         for path in training_folder.iterdir():
             target = folder / path.name

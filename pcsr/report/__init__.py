@@ -7,20 +7,37 @@ from typing import Literal
 from pcsr.errors import UserError
 from pcsr.files import write_bytes, write_text
 from pcsr.report.run_set import run_set
-from pcsr.report.tables.comparison import compare
-from pcsr.report.tables.run_table import summary, table
+from pcsr.report.tables.comparison import Comparison, comparison
+from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.markup import comma_separated, latex, markdown
+from pcsr.report.tables.run_table import few_steps, summary, table
 from pcsr.report.web.comparison_page import comparison_page
 from pcsr.report.web.document import plotly_source
 from pcsr.report.web.page import render
 from pcsr.run_files import FinishedRun
 
-__all__ = ["compare", "summary", "table", "write_comparison", "write_figures", "write_page"]
+__all__ = [
+    "Comparison",
+    "comparison",
+    "few_steps",
+    "summary",
+    "table",
+    "tables",
+    "write_comparison",
+    "write_figures",
+    "write_page",
+    "write_tables",
+]
 
 REPORT = "report.html"
 
 
-def write_page(run: FinishedRun) -> Path:
-    """Write the HTML page of a run into its folder, whole or not at all.
+def write_page(run: FinishedRun, path: Path | None = None) -> Path:
+    """Write the HTML page of a run, whole or not at all.
+
+    Args:
+        run: the run.
+        path: file to write; by default `report.html` in the run's folder.
 
     Returns:
         Path of the page.
@@ -29,17 +46,18 @@ def write_page(run: FinishedRun) -> Path:
         UserError: the extra `[report]` is not installed.
         RunError: the page can't be written.
     """
-    write_text(run.folder / REPORT, render(run, plotly=plotly_source()))
-    return run.folder / REPORT
+    path = run.folder / REPORT if path is None else path
+    write_text(path, render(run, plotly=plotly_source()))
+    return path
 
 
-def write_comparison(runs: Sequence[FinishedRun], name: str, folder: Path) -> Path:
+def write_comparison(compared: Comparison, runs: Sequence[FinishedRun], folder: Path) -> Path:
     """Write the HTML page of several runs, whole or not at all, with their figures or the reason why there are none.
 
     Args:
-        runs: at least one.
-        name: name of the study, and of the page.
-        folder: folder of the page, which holds the run folders too.
+        compared: numbers of the runs; the page has the name of this comparison.
+        runs: the runs, in the order of `compared.runs`.
+        folder: folder of the page.
 
     Returns:
         Path of the page.
@@ -52,9 +70,30 @@ def write_comparison(runs: Sequence[FinishedRun], name: str, folder: Path) -> Pa
         figures = _figures(runs, "webp")
     except UserError as error:
         figures = str(error)
-    path = folder / f"{name}.html"
-    write_text(path, comparison_page([run.results for run in runs], name, figures))
+    path = folder / f"{compared.name}.html"
+    write_text(path, comparison_page(compared, [run.folder for run in runs], folder, figures))
     return path
+
+
+def write_tables(compared: Comparison, form: str, path: Path) -> None:
+    """Write the tables of a comparison to a file, whole or not at all.
+
+    Args:
+        compared: numbers of the runs.
+        form: "latex", "markdown" or "csv".
+        path: file to write.
+
+    Raises:
+        RunError: the file can't be written.
+    """
+    match form:
+        case "latex":
+            text = latex(tables(compared), compared.name)
+        case "markdown":
+            text = markdown(tables(compared))
+        case _:
+            text = comma_separated(compared)
+    write_text(path, text)
 
 
 def write_figures(runs: Sequence[FinishedRun], folder: Path) -> list[Path]:

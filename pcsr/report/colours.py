@@ -1,5 +1,7 @@
 """Colours of the report's pages and figures, safe for colour-blind readers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, UInt8
 
@@ -36,3 +38,8 @@ def value_colours(share: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*sha
     colours = np.array([list(bytes.fromhex(colour[1:])) for _, colour in VALUE_SCALE])
     channels = [np.interp(share, places, colours[:, k]) for k in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)
+
+
+def row_colours(rows: Sequence[object]) -> list[str]:
+    """Colours of the rows of a comparison, in their order: a method has the same one in each table and figure."""
+    return [CLASSES[k % len(CLASSES)] for k in range(len(rows))]

@@ -1,6 +1,7 @@
 """The command line itself: help without heavy imports, commands of plugins, errors as one line and a code."""
 
 import errno
+import re
 import subprocess
 import sys
 
@@ -60,6 +61,22 @@ def test_each_command_has_a_help_page_that_loads_no_torch(name):
     assert done.returncode == 0, done.stdout
     # The line in `pcsr --help` and the first of the page are the same.
     assert cli.COMMANDS[name].summary in done.stdout
+
+
+def pages(command, path, above=None):
+    """The help page of each command, with its path."""
+    context = click.Context(command, above, info_name=path[-1])
+    yield path, command.get_help(context)
+    if isinstance(command, click.Group):
+        for name in cli.COMMANDS if above is None else command.list_commands(context):
+            yield from pages(command.get_command(context, name), (*path, name), context)
+
+
+def test_no_help_page_has_markup():
+    found = dict(pages(cli.pcsr, ("pcsr",)))
+    assert len(found) > len(cli.COMMANDS)
+    for path, page in found.items():
+        assert not re.search(r"`|\*\*|:\w+:|\[/?(bold|red)\]|\x08", page), path
 
 
 def test_help_lists_each_command_in_a_line(invoke):

@@ -17,7 +17,8 @@ SMALL = [
     f"--set={setting}"
     for setting in (
         "data.shapes=balls", "data.touch=caps", "data.points=32", "train.epochs=1", "train.batch=2",
-        "model.encoder.channels=8", "model.backbone.channels=[8]", "evaluate.metrics=[cd]", "evaluate.examples=1",
+        "model.encoder.channels=8", "model.backbone.channels=[8]", "model.upsampler=shuffle", "evaluate.metrics=[cd]",
+        "evaluate.examples=1",
     )
 ]  # fmt: skip
 

@@ -27,7 +27,7 @@ from pcsr.recipe.train_section import Weights
 ROOT = Path(__file__).parents[2]
 TINY = [
     "data.points=64", "model.encoder.channels=8", "model.touch_encoder.channels=4", "model.backbone.channels=[8, 16]",
-    "train.epochs=3", "train.batch=4", "model.upsampler.start=origin",
+    "train.epochs=3", "train.batch=4", "model.upsampler={use: shuffle, start: origin}",
 ]  # fmt: skip
 
 

@@ -27,7 +27,12 @@ COMMANDS = re.findall(r"^pcsr (.*)$", TEXT, re.MULTILINE)
 
 
 def test_installed_plugins_are_found_without_a_registry():
-    assert graft(Meeting(None), "layer").specs["fusion"] == {"use": "iterative", "pool": "none", "pairing": "hilbert", "offsets": False}
+    assert graft(Meeting(None), "layer").specs["fusion"] == {
+        "use": "iterative",
+        "pool": "none",
+        "pairing": "hilbert",
+        "offsets": False,
+    }
 
 
 @pytest.fixture

@@ -3,9 +3,10 @@
 import math
 from typing import TYPE_CHECKING
 
+from pcsr.report.colours import row_colours
 from pcsr.report.figures.line_chart import Line, draw_lines
 from pcsr.report.run_set import RunSet
-from pcsr.report.tables.comparison import VARIED, varied
+from pcsr.report.tables.comparison_tables import VARIED, varied
 from pcsr.report.tables.rows import variants
 from pcsr.report.tables.scores import scaled
 
@@ -37,7 +38,15 @@ def _training(runs: RunSet) -> "Figure | None":
     lines: dict[str, Line] = {
         name: ([values.get(step, math.nan) for step in steps], None) for name, values in validated.items()
     }
-    return draw_lines("Validation", "training step", scaled("cd", 1000.0), steps, lines)
+    colour_of = _colours(runs)
+    colours = [colour_of[id(run)] for name, run in zip(runs.networks, runs.results, strict=True) if name in lines]
+    return draw_lines("Validation", "training step", scaled("cd", 1000.0), steps, lines, colours)
+
+
+def _colours(runs: RunSet) -> dict[int, str]:
+    """Colour of each run by its identity; the seeds of a recipe have the same one."""
+    rows = variants(runs.results, "")
+    return {id(run): colour for row, colour in zip(rows, row_colours(rows), strict=True) for run in row.runs}
 
 
 def _over_touches(runs: RunSet) -> "Figure | None":
@@ -50,6 +59,8 @@ def _over_touches(runs: RunSet) -> "Figure | None":
         return None
     over_seeds = len({run.seed for run in runs.results}) > 1
     lines: dict[str, Line] = {}
+    colour_of = _colours(runs)
+    colours = [colour_of[id(next(iter(of_label.values())).runs[0])] for of_label in rows.values()]
     for name, of_label in rows.items():
         measured = [of_label.get(number) for number in numbers]
         means = [math.nan if row is None else row.mean(metric) for row in measured]
@@ -57,4 +68,4 @@ def _over_touches(runs: RunSet) -> "Figure | None":
         lines[VARIED.sub("", "-" + first.name).strip("-") if name == axis else name] = (means, spreads)
     label = scaled(metric, note.scale)
     spread = f"mean ± sample standard deviation over {'seeds' if over_seeds else 'objects'}"
-    return draw_lines(f"{label} over touches, {spread}", "number of touches", label, numbers, lines)
+    return draw_lines(f"{label} over touches, {spread}", "number of touches", label, numbers, lines, colours)

@@ -57,9 +57,14 @@ def line_chart(
 
 
 def draw_lines(
-    title: str, x_label: str, y_label: str, x: Sequence[Number | str], lines: Mapping[str, Line]
+    title: str,
+    x_label: str,
+    y_label: str,
+    x: Sequence[Number | str],
+    lines: Mapping[str, Line],
+    colours: Sequence[str] = SERIES,
 ) -> "Figure":
-    """The figure that `line_chart` writes."""
+    """The figure that `line_chart` writes; `colours` are those of the lines, repeated if there are fewer."""
     _check(title, x, lines)
     names = any(isinstance(one, str) for one in x)
     across = np.arange(len(x), dtype=float) if names else np.array(x, dtype=float)
@@ -71,7 +76,7 @@ def draw_lines(
     for k, line in enumerate(lines.values()):
         mean, spread = _curve(line, order)
         lowest = min(lowest, float(np.nanmin(mean - spread)))
-        handles.append(_draw_line(axes, across[order], mean, spread, k))
+        handles.append(_draw_line(axes, across[order], mean, spread, k, colours[k % len(colours)]))
     axes.set_ylim(bottom=lowest if lowest < 0 else 0)
     if names:
         axes.set_xticks(across, [label(str(name), max(6, 72 // len(x)), 3) for name in x])
@@ -92,10 +97,14 @@ def draw_lines(
 
 
 def _draw_line(
-    axes: "Axes", x: Float[np.ndarray, " n"], mean: Float[np.ndarray, " n"], spread: Float[np.ndarray, " n"], k: int
+    axes: "Axes",
+    x: Float[np.ndarray, " n"],
+    mean: Float[np.ndarray, " n"],
+    spread: Float[np.ndarray, " n"],
+    k: int,
+    colour: str,
 ) -> "Artist":
     """Draw the k-th line past its missing values, with its spread; the artist for the legend."""
-    colour = SERIES[k % len(SERIES)]
     there = np.isfinite(mean)
     x, mean, spread = x[there], mean[there], spread[there]
     if spread.any() and len(x) > 1:

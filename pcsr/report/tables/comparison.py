@@ -1,129 +1,100 @@
-"""Tables of several runs: a row for each recipe, with its seeds together, beside baselines and published values."""
+"""Numbers of a comparison of several runs: rows, paired differences from the first row, and the best of each metric."""
 
-import json
-import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
-from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
-from pcsr.report.tables.rows import MARK, Row, baselines, variants
-from pcsr.report.tables.scores import decimals_of, efficiency_cell, scaled
-from pcsr.report.tables.text_table import TextTable
-from pcsr.results import Results
+import numpy as np
 
-VARIED = re.compile(r"-(touches|rate)\.(\d+)")
-"""Part of a run's name that gives the setting which the paper's tables have as columns."""
-LEFT_OUT = ("name", "evaluate.published")
-"""Settings that do not affect a run."""
+from pcsr.report.tables.rows import Row, baselines, shared_metrics, variants
+from pcsr.report.tables.significance import clear_best, interval, pairwise
+from pcsr.results import MetricNote, Results
 
 
-def compare(runs: Sequence[Results], name: str) -> list[TextTable]:
-    """Tables of a study: one of all metrics; and one of the first metric over touches or rates, where those vary.
+@dataclass(frozen=True)
+class Difference:
+    """Paired difference of a row from the first one in one metric, multiplied by the metric's scale."""
+
+    mean: float
+    """Mean over objects of the row's value minus the first row's; negative where the row is better."""
+    interval: tuple[float, float] | None
+    """95 % confidence interval of the mean; None for a single object."""
+    p_value: float | None
+    """Corrected p-value of the signed-rank test; None for the floor, which is no method."""
+    wins: int
+    """Objects on which the row is strictly better, in the mean over seeds."""
+    better_seeds: int | None
+    """Seeds with which the row's mean is lower; None unless both rows have the same seeds."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Several runs, in rows."""
+
+    name: str
+    """Name of the study."""
+    runs: tuple[Results, ...]
+    metrics: dict[str, MetricNote]
+    """Metrics that all runs have."""
+    rows: tuple[Row, ...]
+    """The recipes, then the baselines. Differences are from the first."""
+    differences: dict[str, tuple[Difference | None, ...]]
+    """For each metric and row; None for the first row and for rows of other clouds."""
+    best: dict[str, int | None]
+    """For each metric, the row that is significantly better than the second best; None if there is none."""
+    tested: int
+    """Number of rows that are tested against each other: those on the clouds of the first row, without the floor."""
+    left_out: tuple[str, ...] = ()
+    """Reasons why runs are missing, one for each."""
+
+    @property
+    def first(self) -> Row:
+        """Row that the others are compared with."""
+        return self.rows[0]
+
+    @property
+    def over_seeds(self) -> bool:
+        """Whether spreads are over seeds; otherwise they are over objects."""
+        return any(len(row.runs) > 1 for row in self.rows)
+
+
+def comparison(runs: Sequence[Results], name: str, left_out: Sequence[str] = ()) -> Comparison:
+    """Compute the numbers of a comparison.
 
     Args:
         runs: at least one.
         name: name of the study.
+        left_out: reasons why runs are missing, one for each.
+
+    Raises:
+        UserError: the runs have no metric in common.
     """
+    metrics = shared_metrics(runs)
     rows = [*variants(runs, name), *baselines(runs)]
-    over = _over_setting(rows, runs)
-    return [_all_metrics(rows, runs, name), *([] if over is None else [over])]
+    paired = [k for k, row in enumerate(rows) if k == 0 or row.comparable(rows[0])]
+    tested = [k for k in paired if not rows[k].bound]
+    same = all(k in paired for k, row in enumerate(rows) if not row.bound)
+    differences: dict[str, tuple[Difference | None, ...]] = {}
+    best: dict[str, int | None] = {}
+    for metric in metrics:
+        values = np.stack([rows[k].of_objects(metric) for k in tested])
+        p_values = pairwise(values)
+        winner = clear_best(values, p_values) if same else None
+        best[metric] = None if winner is None else tested[winner]
+        of_first = dict(zip(tested, p_values[0].tolist(), strict=True))
+        differences[metric] = tuple(
+            _difference(rows[k], rows[0], metric, of_first.get(k)) if k in paired and k else None
+            for k in range(len(rows))
+        )
+    return Comparison(name, tuple(runs), metrics, tuple(rows), differences, best, len(tested), tuple(left_out))
 
 
-def _all_metrics(rows: Sequence[Row], runs: Sequence[Results], name: str) -> TextTable:
-    notes = runs[0].metrics
-    heads = ["", *(scaled(metric, note.scale) for metric, note in notes.items())]
-    with_touch = any(run.touch for run in runs)
-    heads += [*([EFFICIENCY] if with_touch else []), "parameters", "s/cloud", "s/epoch"]
-    over_seeds = len({run.seed for run in runs}) > 1
-    decimals = {metric: decimals_of(min(row.mean(metric) for row in rows if not row.bound)) for metric in notes}
-    cells = []
-    for row in rows:
-        line = [row.marked]
-        for metric, digits in decimals.items():
-            text = f"{row.mean(metric):.{digits}f}"
-            if (spread := row.spread(metric, over_seeds=over_seeds)) is not None:
-                text += f" ± {spread:.{digits}f}"
-            if row is not rows[0] and (wins := row.wins(rows[0], metric)) is not None:
-                text += f"\n{wins}/{row.values[metric].shape[1]} wins"
-            line.append(text + row.published_line(metric))
-        if with_touch:
-            line.append("" if row.efficiencies is None else efficiency_cell(row.efficiencies))
-        line.append(f"{row.parameters:,}" if row.parameters else "")
-        line.append(f"{row.seconds:.3g}" + row.published_line("s/cloud"))
-        line.append(("" if row.epoch is None else f"{row.epoch:.3g}") + row.published_line("s/epoch"))
-        cells.append(line)
-    return TextTable(name, heads, cells, _note(rows, runs, with_touch=with_touch))
-
-
-def _note(rows: Sequence[Row], runs: Sequence[Results], *, with_touch: bool) -> str:
-    """Data, metrics' conventions, and meaning of spreads and marks."""
-    seeds = sorted({run.seed for run in runs})
-    spread = f"the means of {len(seeds)} seeds ({', '.join(map(str, seeds))})" if len(seeds) > 1 else "the objects"
-    data = runs[0].data
-    sizes = " or ".join(dict.fromkeys(f"{run.data.points} points to {run.data.truth}" for run in runs))
-    note = (
-        f"{len(runs[0].objects)} objects, {data.split} split of {data.shapes}; {sizes}; "
-        f"{data.normalisation.removesuffix('.')}. Mean ± sample standard deviation over {spread}; lower is better. "
-        f"Wins: objects of the same clouds on which it is better than {rows[0].label}, in the mean over seeds. "
+def _difference(row: Row, first: Row, metric: str, p_value: float | None) -> Difference:
+    each = row.of_objects(metric) - first.of_objects(metric)
+    by_seed = row.values[metric].mean(1) < first.values[metric].mean(1) if row.seeds == first.seeds else None
+    return Difference(
+        float(each.mean()),
+        interval(each),
+        p_value,
+        int((each < 0).sum()),
+        None if by_seed is None or len(row.seeds) == 1 else int(by_seed.sum()),
     )
-    if any(row.published for row in rows):
-        note += "Published: on other data. "
-    note += "; ".join(f"{metric}: {one.description}" for metric, one in runs[0].metrics.items()) + "."
-    if with_touch:
-        note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
-    for protocol in dict.fromkeys(row.protocol for row in rows if row.protocol is not None):
-        note += f" {', '.join(row.label for row in rows if row.protocol == protocol)}: {protocol}."
-    for row in rows:
-        if row.other_code is not None:
-            note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."
-    return note
-
-
-def differences(runs: Sequence[Results]) -> TextTable | None:
-    """Table of the settings in which the runs differ; None if they differ in none."""
-    settings = [_flat(run.recipe) for run in runs]
-    keys = dict.fromkeys(key for of_run in settings for key in of_run if not key.startswith(LEFT_OUT))
-    different = [key for key in keys if len({json.dumps(of_run.get(key)) for of_run in settings}) > 1]
-    if not different:
-        return None
-    cells = [[key, *("" if of_run.get(key) is None else str(of_run[key]) for of_run in settings)] for key in different]
-    return TextTable("What differs", ["", *(run.name for run in runs)], cells, "All other settings are the same.")
-
-
-def _flat(node: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested settings as dotted keys."""
-    if not (isinstance(node, dict) and node):
-        return {prefix: node}
-    flat: dict[str, Any] = {}
-    for key, value in node.items():
-        flat |= _flat(value, f"{prefix}.{key}" if prefix else key)
-    return flat
-
-
-def varied(rows: Sequence[Row]) -> tuple[str, dict[str, dict[int, Row]]]:
-    """The setting that the runs' names vary, and for each label its rows by the value of that setting."""
-    by_label: dict[str, dict[int, Row]] = {}
-    axis = ""
-    for row in rows:
-        if found := VARIED.search("-" + row.label):
-            axis = found[1]
-            label = VARIED.sub("", "-" + row.label, count=1).strip("-") or axis
-            by_label.setdefault(label, {})[int(found[2])] = row
-    return axis, by_label
-
-
-def _over_setting(rows: Sequence[Row], runs: Sequence[Results]) -> TextTable | None:
-    """The first metric, with the number of touches or the rate as columns; None where neither varies."""
-    metric, note = next(iter(runs[0].metrics.items()))
-    axis, by_label = varied(rows)
-    columns = sorted({number for of_label in by_label.values() for number in of_label})
-    if len(columns) < 2:
-        return None
-    digits = decimals_of(min(row.mean(metric) for row in rows if not row.bound))
-
-    def cell(row: Row | None) -> str:
-        return "" if row is None else f"{row.mean(metric):.{digits}f}" + row.published_line(metric)
-
-    cells = [[label, *(cell(of_label.get(number)) for number in columns)] for label, of_label in by_label.items()]
-    heads = [axis, *map(str, columns)]
-    return TextTable(f"{scaled(metric, note.scale)} over {axis}", heads, cells, "Means over objects and seeds.")

@@ -4,13 +4,14 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
-from typing import Any
+from itertools import count, takewhile
 
 import numpy as np
 from jaxtyping import Float
 
-from pcsr.results import BOUND, MethodResult, Results
+from pcsr.errors import UserError
+from pcsr.report.tables.same_clouds import same_clouds
+from pcsr.results import BOUND, MethodResult, MetricNote, Results
 
 MARK = "†"
 """Mark of a row whose weights were trained with other code."""
@@ -22,8 +23,8 @@ class Row:
     """A recipe or a baseline, with its results for all seeds."""
 
     label: str
-    clouds: tuple[Any, ...]
-    """Identity of the test clouds: wins are counted only between rows of the same clouds."""
+    runs: tuple[Results, ...]
+    """Results of each seed."""
     values: dict[str, Float[np.ndarray, "seeds objects"]]
     """Values of each metric, multiplied by its scale."""
     published: dict[str, float]
@@ -41,6 +42,11 @@ class Row:
     """How the code differs from that of the training, where old weights were measured with new code."""
     protocol: str | None = None
     """Name of the way in which the network makes a cloud dense; None for a baseline and where it is not known."""
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the runs."""
+        return [run.seed for run in self.runs]
 
     @property
     def marked(self) -> str:
@@ -61,11 +67,30 @@ class Row:
         """The published value of a column on a new line; empty if there is none."""
         return f"\npublished {self.published[column]:g}" if column in self.published else ""
 
-    def wins(self, other: "Row", metric: str) -> int | None:
-        """Objects on which this row is strictly better, in the mean over seeds; None if the clouds differ."""
-        if self.clouds != other.clouds:
-            return None
-        return int((self.values[metric].mean(0) < other.values[metric].mean(0)).sum())
+    def of_objects(self, metric: str) -> Float[np.ndarray, " objects"]:
+        """Value of each object, mean over seeds."""
+        return self.values[metric].mean(0)  # type: ignore[no-any-return]
+
+    def comparable(self, other: "Row") -> bool:
+        """Whether both rows were measured on the same clouds, so that their values are paired by object."""
+        everything = (*self.runs, *other.runs)
+        if all(same_clouds(everything[0], run) for run in everything[1:]):
+            return True
+        pairs = zip(self.runs, other.runs, strict=False)  # the clouds change with the seed
+        return self.seeds == other.seeds and all(same_clouds(*pair) for pair in pairs)
+
+
+def shared_metrics(runs: Sequence[Results]) -> dict[str, MetricNote]:
+    """Metrics that all runs have, in the order of the first run.
+
+    Raises:
+        UserError: there is none.
+    """
+    shared = {name: note for name, note in runs[0].metrics.items() if all(name in run.metrics for run in runs)}
+    if not shared:
+        listed = "; ".join(f"{run.name}: {', '.join(run.metrics)}" for run in runs[:5])
+        raise UserError(f"the runs have no metric in common ({listed}): evaluate them with the same evaluate.metrics")
+    return shared
 
 
 def variants(runs: Sequence[Results], name: str) -> list[Row]:
@@ -75,21 +100,29 @@ def variants(runs: Sequence[Results], name: str) -> list[Row]:
         runs: at least one.
         name: name of the study, which is removed from the labels.
     """
-    by_recipe: dict[str, list[Results]] = {}
+    by_recipe: dict[tuple[str, int], list[Results]] = {}
     for run in runs:
-        settings = {key: value for key, value in run.recipe.items() if key not in ("name", "seed")}
-        by_recipe.setdefault(json.dumps(settings, sort_keys=True), []).append(run)
-    labels = [SEED.sub("", seeds[0].name).removeprefix(f"{name}-") for seeds in by_recipe.values()]
-    prefix = _common_prefix(labels)
+        settings = {key: value for key, value in run.recipe.items() if key not in ("name", "seed", "evaluate")}
+        text = json.dumps([settings, run.objects], sort_keys=True)
+        # A second run of the same recipe and seed is a row of its own.
+        number = next(k for k in count() if all(run.seed != other.seed for other in by_recipe.get((text, k), ())))
+        by_recipe.setdefault((text, number), []).append(run)
+    recipes = [sorted(seeds, key=lambda run: run.seed) for seeds in by_recipe.values()]
+    labels = _labels([SEED.sub("", seeds[0].name).removeprefix(f"{name}-") for seeds in recipes])
     return [
-        _row(
-            label.removeprefix(prefix),
-            [run.methods[0] for run in seeds],
-            seeds,
-            seeds[0].settings.published,
-        )
-        for label, seeds in zip(labels, by_recipe.values(), strict=True)
+        _row(label, [run.methods[0] for run in seeds], seeds, seeds[0].settings.published)
+        for label, seeds in zip(labels, recipes, strict=True)
     ]
+
+
+def _labels(names: Sequence[str]) -> list[str]:
+    """Labels of rows: without the common beginning of all names, and numbered where a name occurs again."""
+    prefix = _common_prefix(names)
+    labels: list[str] = []
+    for name in names:
+        label = name.removeprefix(prefix)
+        labels.append(next(one for k in count(1) if (one := f"{label} ({k})" if k > 1 else label) not in labels))
+    return labels
 
 
 def _common_prefix(labels: Sequence[str]) -> str:
@@ -107,7 +140,8 @@ def baselines(runs: Sequence[Results]) -> list[Row]:
             rate = f" {run.data.rate}×" if len({other.data.rate for other in runs}) > 1 else ""
             row = _row(method.name + rate, [method], [run], {})
             if not any(
-                row.label == old.label and all(np.array_equal(row.values[m], old.values[m]) for m in row.values)
+                row.label == old.label
+                and all(np.allclose(row.values[m], old.values[m]) for m in row.values.keys() & old.values.keys())
                 for old in rows
             ):
                 rows.append(row)
@@ -118,19 +152,13 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
     first = runs[0]
     values = {
         metric: np.array([method.values[metric] for method in methods]) * note.scale
-        for metric, note in first.metrics.items()
+        for metric, note in shared_metrics(runs).items()
     }
     epochs = [seconds for run in runs if (seconds := run.seconds_per_epoch) is not None]
     of_network = methods[0] is first.methods[0]
     return Row(
         label,
-        (
-            tuple(first.objects),
-            first.data.points,
-            first.data.truth,
-            first.data.sampling,
-            *dict.fromkeys(run.data.seed for run in runs),
-        ),
+        tuple(runs),
         values,
         published,
         methods[0].parameters,

@@ -2,12 +2,16 @@
 
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.tables.scores import efficiency_cell, scaled, scores
+from pcsr.report.tables.significance import RULE
 from pcsr.report.tables.text_table import TextTable
 from pcsr.results import Results
 
+SHORT = 2000
+"""Number of training steps below which a network may lose to interpolation for lack of training."""
+
 
 def table(results: Results) -> TextTable:
-    """Table with a row for each method: mean ± standard deviation over the objects, the best of a column in bold."""
+    """Table with a row for each method: mean ± standard deviation over the objects, a clear best in bold."""
     count = len(results.objects)
     heads = ["method", *(scaled(metric, note.scale) for metric, note in results.metrics.items())]
     heads += [*([EFFICIENCY] if results.touch is not None else []), "parameters", "s/cloud"]
@@ -33,11 +37,23 @@ def summary(results: Results) -> str:
     return f"{results.methods[0].name}: {', '.join(listed)}"
 
 
+def few_steps(results: Results) -> str | None:
+    """Sentence that explains a network which is worse than the baseline by its short training; None otherwise."""
+    steps, metric = results.training.steps, next(iter(results.metrics))
+    change = scores(results)[0][metric].change
+    if change is None or change <= 0 or steps is None or steps >= SHORT:
+        return None
+    return (
+        f"{results.methods[0].name} is worse than {results.baseline} in {metric}: its training had {steps} steps, and "
+        f"most networks need thousands; raise train.epochs or the number of objects"
+    )
+
+
 def _note(results: Results) -> str:
     note = _protocol(results)
     if results.baseline is not None:
         note += " In per cent: how far the mean is from the baseline's; "
-        note += f"wins: objects on which it is better than {results.baseline}."
+        note += f"wins: objects on which it is better than {results.baseline}. {RULE}."
     if results.touch is not None:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
     if results.protocol is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pcsr.report.tables.significance import clear_best, pairwise
 from pcsr.results import BOUND, Results
 
 
@@ -17,7 +18,7 @@ class Score:
     deviation: float
     """Sample standard deviation over the objects; 0 for a single one."""
     best: bool
-    """The lowest mean of the column, not counting the floor's."""
+    """Whether this is the significantly lowest mean of the column (`significance.RULE`), not counting the floor's."""
     wins: int | None
     """Objects on which this method is strictly better than the baseline; None for the baseline itself."""
     change: float | None
@@ -35,15 +36,17 @@ def scores(results: Results) -> list[dict[str, Score]]:
     for metric, note in results.metrics.items():
         values = np.array([m.values[metric] for m in results.methods]) * note.scale
         means = values.mean(1)
-        rivals = means[[method.name != BOUND for method in results.methods]]
+        rivals = np.flatnonzero([method.name != BOUND for method in results.methods])
+        winner = clear_best(values[rivals], pairwise(values[rivals]))
+        best = None if winner is None else results.methods[rivals[winner]]
         deviations = values.std(1, ddof=1) if values.shape[1] > 1 else np.zeros(len(values))
-        decimals = decimals_of(float(rivals.min()))
+        decimals = decimals_of(float(means[rivals].min()))
         for row, method, own, mean, deviation in zip(rows, results.methods, values, means, deviations, strict=True):
             compared = results.baseline not in (None, method.name)
             row[metric] = Score(
                 float(mean),
                 float(deviation),
-                len(rivals) > 1 and method.name != BOUND and bool(mean == rivals.min()),
+                method is best,
                 int((own < values[1]).sum()) if compared else None,
                 float(mean / means[1] - 1) if compared and means[1] > 0 else None,
                 decimals,

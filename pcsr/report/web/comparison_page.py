@@ -1,45 +1,93 @@
 """Comparison of several runs as an HTML page: tables, figures, settings that differ, and links to the runs' reports."""
 
 import html
+import os
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import quote
 
-from pcsr.report.tables.comparison import compare, differences
+from pcsr.report.colours import row_colours
+from pcsr.report.tables.comparison import Comparison
+from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.markup import comma_separated, latex, markdown
+from pcsr.report.tables.settings import settings_that_differ
+from pcsr.report.web.difference_chart import difference_chart
 from pcsr.report.web.document import document, text_table
 from pcsr.results import Results
 
 
-def comparison_page(runs: Sequence[Results], name: str, figures: Mapping[str, bytes] | str) -> str:
-    """HTML page of a study.
+def comparison_page(
+    compared: Comparison, folders: Sequence[Path], beside: Path, figures: Mapping[str, bytes] | str
+) -> str:
+    """HTML page of a comparison.
 
     Args:
-        runs: at least one.
-        name: name of the study.
+        compared: the numbers.
+        folders: run folder of each run.
+        beside: folder of the page, from which the reports are linked.
         figures: WebP files by name, or the reason why there are none.
     """
-    different = differences(runs)
-    tables = [*compare(runs, name), *([] if different is None else [different])]
-    body = f"<h1>{html.escape(name)}</h1>" + "".join(map(text_table, tables)) + _figures(figures) + _reports(runs)
-    return document(name, body)
+    colours = row_colours(compared.rows)
+    by_label = {row.marked: colour for row, colour in zip(compared.rows, colours, strict=True)}
+    first, *others = tables(compared)
+    different = settings_that_differ(compared)
+    body = "".join(
+        (
+            f'<h1>{html.escape(compared.name)}</h1><p class="lead">{_lead(compared)}</p>',
+            text_table(replace(first, title="Results"), by_label),
+            difference_chart(compared, colours),
+            *(text_table(table, by_label) for table in others),
+            "" if different is None else text_table(different, by_label, words=True),
+            _figures(figures),
+            _reports(compared.runs, folders, beside),
+        )
+    )
+    return document(compared.name, body)
+
+
+def _lead(compared: Comparison) -> str:
+    """Number of runs, and the tables as files that the page holds."""
+    written = {
+        "csv": ("text/csv", comma_separated(compared)),
+        "tex": ("application/x-tex", latex(tables(compared), compared.name)),
+        "md": ("text/markdown", markdown(tables(compared))),
+    }
+    links = ", ".join(
+        f'<a download="{html.escape(compared.name)}.{suffix}" href="data:{kind};charset=utf-8;base64,'
+        f'{b64encode(text.encode()).decode()}">{name}</a>'
+        for name, (suffix, (kind, text)) in zip(("CSV", "LaTeX", "Markdown"), written.items(), strict=True)
+    )
+    count = len(compared.runs)
+    return f"{count} run{'s' if count != 1 else ''}. The tables as files: {links}."
 
 
 def _figures(figures: Mapping[str, bytes] | str) -> str:
     if isinstance(figures, str):
         return f'<section><h2>Figures</h2><p class="note">None: {html.escape(figures)}</p></section>'
     shown = "".join(
-        f'<p><img alt="{html.escape(name)}" style="max-width: 100%" '
+        f'<p><img alt="{html.escape(name)}" style="max-width: 100%; height: auto" '
         f'src="data:image/webp;base64,{b64encode(image).decode()}"></p>'
         for name, image in figures.items()
     )
     return f"<section><h2>Figures</h2>{shown}</section>"
 
 
-def _reports(runs: Sequence[Results]) -> str:
-    """Links to the reports of the runs, whose folders are beside the page, with version, date and machine."""
+def _reports(runs: Sequence[Results], folders: Sequence[Path], beside: Path) -> str:
+    """Links to the reports of the runs, with version, date and machine."""
     links = "".join(
-        f'<li><a href="{html.escape(run.folder_name)}/report.html">{html.escape(run.name)}</a>, '
+        f'<li><a href="{html.escape(_link(folder / "report.html", beside))}">{html.escape(run.name)}</a>, '
         f"pcsr {html.escape(run.version)}, {html.escape(run.created)}, "
         f"{html.escape(run.machine)}</li>"
-        for run in runs
+        for run, folder in zip(runs, folders, strict=True)
     )
     return f"<section><h2>Reports</h2><ul>{links}</ul></section>"
+
+
+def _link(file: Path, beside: Path) -> str:
+    """Link from a page in a folder to a file: relative, or absolute where it lies on another drive."""
+    try:
+        return quote(Path(os.path.relpath(file, beside)).as_posix())
+    except ValueError:
+        return file.resolve().as_uri()

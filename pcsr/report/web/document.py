@@ -2,7 +2,7 @@
 
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -62,12 +62,36 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
 
 
-def text_table(shown: TextTable) -> str:
-    """HTML section of a table of plain text, with its title and note."""
-    lines = [[html.escape(cell).replace("\n", "<br>") for cell in line] for line in shown.cells]
-    body = table([html.escape(head) for head in shown.heads], lines)
-    note = f'<p class="note">{html.escape(shown.note)}</p>'
-    return f"<section><h2>{html.escape(shown.title)}</h2>{body}{note}</section>"
+def text_table(shown: TextTable, colours: Mapping[str, str] | None = None, *, words: bool = False) -> str:
+    """HTML section of a table of plain text, with its title and note. On a narrow screen each row is a list.
+
+    Args:
+        shown: the table.
+        colours: colours of the rows by label.
+        words: the cells are words, which are aligned to the left; otherwise they are numbers.
+    """
+    heads = [html.escape(head) for head in shown.heads]
+    rows = []
+    for i, (label, *cells) in enumerate(shown.cells):
+        colour = (colours or {}).get(label)
+        mark = "" if colour is None else f'<i class="mark" style="background: {colour}"></i>'
+        row = "".join(
+            f'<td data-head="{heads[k]}">{_cell(cell, (i, k) in shown.bold)}</td>' for k, cell in enumerate(cells, 1)
+        )
+        rows.append(f'<tr><th scope="row">{mark}{_cell(label, (i, 0) in shown.bold)}</th>{row}</tr>')
+    head = "".join(f'<th scope="col">{h}</th>' for h in heads)
+    body = "\n".join(rows)
+    kind = "lists words" if words else "lists"
+    return (
+        f"<section><h2>{html.escape(shown.title)}</h2>"
+        f'<table class="{kind}"><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>'
+        f'<p class="note">{html.escape(shown.note)}</p></section>'
+    )
+
+
+def _cell(cell: str, bold: bool) -> str:
+    first, *more = html.escape(cell).split("\n")
+    return "<br>".join([f"<strong>{first}</strong>" if bold else first, *more])
 
 
 def _json(data: Any) -> str:

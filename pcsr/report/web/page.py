@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, TouchEffect
 from pcsr.report.colours import ERROR_SCALE
 from pcsr.report.tables.scores import efficiency_cell, group_means, scaled, scores
+from pcsr.report.tables.significance import RULE
 from pcsr.report.web.curves import group_chart, touch_chart, training_charts
 from pcsr.report.web.document import document, example_tabs, table
 from pcsr.report.web.views import views
@@ -84,7 +85,7 @@ def _metrics(results: Results) -> str:
     for method, row in zip(results.methods, scores(results), strict=True):
         cells = [html.escape(method.name)]
         for score in row.values():
-            mark = f'<strong title="best">{score}</strong>' if score.best else str(score)
+            mark = f'<strong title="significantly the best">{score}</strong>' if score.best else str(score)
             wins = f"<small>{score.wins}/{count} wins</small>" if score.wins is not None else ""
             change = f"<br>{score.change:+.1%} " if score.change is not None else ""
             cells.append(mark + change + wins)
@@ -97,6 +98,7 @@ def _metrics(results: Results) -> str:
     terms["seconds"] = results.timed
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
+        terms["bold"] = RULE.removeprefix("Bold: ")
     meanings = "".join(f"<dt>{html.escape(term)}</dt><dd>{html.escape(text)}</dd>" for term, text in terms.items())
     if results.touch is not None:
         heads.append(EFFICIENCY)

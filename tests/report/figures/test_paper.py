@@ -14,7 +14,7 @@ from safetensors.numpy import save_file
 from pcsr import report
 from pcsr.errors import RunError, UserError
 from pcsr.report.cloud_errors import distance, scale_end
-from pcsr.report.colours import ERROR_SCALE, INPUT, TOUCH
+from pcsr.report.colours import ERROR_SCALE, INPUT, SERIES, TOUCH
 from pcsr.report.figures import paper
 from pcsr.report.figures.canvas import encoded, error_colours
 from pcsr.report.figures.clouds import camera
@@ -181,11 +181,11 @@ def test_a_network_without_error_is_all_in_the_first_colour(tmp_path, results, c
 
 @pytest.fixture
 def charts(monkeypatch):
-    """What charts are asked to show: x and lines by title."""
+    """What charts are asked to show: x, lines and their colours by title."""
     asked = {}
 
-    def draw(title, x_label, y_label, x, lines):
-        asked[title.partition(",")[0]] = (x, lines)
+    def draw(title, x_label, y_label, x, lines, colours):
+        asked[title.partition(",")[0]] = (x, lines, colours)
 
     monkeypatch.setattr("pcsr.report.figures.curves.draw_lines", draw)
     return asked
@@ -194,12 +194,14 @@ def charts(monkeypatch):
 def test_curves_show_the_numbers_of_the_runs(pair, results, charts):
     (pair[1] / "metrics.jsonl").write_text('{"step": 40, "validation": {"cd": 0.002}}\n', encoding="utf-8")
     figures(pair)
-    steps, lines = charts["Validation"]
+    steps, lines, colours = charts["Validation"]
     assert steps == [30, 40]
+    assert colours == SERIES[:2], "as the rows of a comparison"
     np.testing.assert_allclose(lines["study-net-touches.0"][0], [1.1, np.nan])
     np.testing.assert_allclose(lines["study-net-touches.2"][0], [np.nan, 2.0])
-    numbers, lines = charts["cd ×10³ over touches"]
+    numbers, lines, colours = charts["cd ×10³ over touches"]
     assert numbers == [0, 2]
+    assert colours == SERIES[:1]
     values = 1000 * np.array(results["methods"][0]["values"]["cd"])
     ((name, (means, spreads)),) = lines.items()
     assert name == "study-net"
@@ -241,7 +243,8 @@ def test_a_file_that_fails_keeps_what_was_there(pair, tmp_path, monkeypatch):
 
 def test_the_page_of_a_comparison_holds_the_figures(pair):
     runs = [read_run(folder) for folder in pair]
-    text = report.write_comparison(runs, "study", pair[0].parent).read_text(encoding="utf-8")
+    compared = report.comparison([run.results for run in runs], "study")
+    text = report.write_comparison(compared, runs, pair[0].parent).read_text(encoding="utf-8")
     shown = dict(re.findall(r'<img alt="([^"]+)"[^>]* src="data:image/webp;base64,([^"]+)">', text))
     drawn = figures(pair)
     assert shown.keys() == drawn.keys()
@@ -255,6 +258,7 @@ def test_the_page_says_why_there_is_no_figure(pair, results, clouds, history, tm
     other = {key: cloud + np.float32(0.1) if key.endswith("input") else cloud for key, cloud in clouds.items()}
     third = put(tmp_path / "others", results, other, history, name="third", touches=2)
     runs = [read_run(folder) for folder in (*pair, third)]
-    text = report.write_comparison(runs, "study", pair[0].parent).read_text(encoding="utf-8")
+    compared = report.comparison([run.results for run in runs], "study")
+    text = report.write_comparison(compared, runs, pair[0].parent).read_text(encoding="utf-8")
     assert "<img" not in text
     assert "the input of &#x27;test/gear/0000&#x27; is not that of" in text

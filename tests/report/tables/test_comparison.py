@@ -1,161 +1,75 @@
-"""Several runs in one table."""
-
-import io
+"""Numbers of a comparison, against the runs that they are computed from."""
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from pcsr import report
-from pcsr.errors import UserError
-from pcsr.report.tables.rows import variants
+from pcsr.report.tables.comparison import comparison
+from pcsr.report.tables.significance import interval, pairwise
 from pcsr.results import parse_results
 
 
-def compare(runs, name):
-    return report.compare([parse_results(one) for one in runs], name)
+@pytest.fixture
+def compared(results, variant):
+    """Two recipes of three seeds; the results of `b` are those of `a` with another factor for each seed."""
+
+    def make(factors, **more):
+        runs = [variant(results, f"s-a-seed.{seed}", seed=seed, model=1) for seed in range(3)]
+        runs += [
+            variant(results, f"s-b-seed.{seed}", seed=seed, model=2, factor=factor)
+            for seed, factor in enumerate(factors)
+        ]
+        return comparison([parse_results(one | more) for one in runs], "s")
+
+    return make
 
 
-def printed(comparison):
-    console = Console(file=io.StringIO(), width=200)
-    console.print(comparison)
-    return console.file.getvalue()
-
-
-def line(comparison, label):
-    (found,) = [cells for cells in comparison.cells if cells[0] == label]
-    return dict(zip(comparison.heads, found, strict=True))
-
-
-def test_each_recipe_is_a_row_and_each_baseline_is_there_once(results, variant):
-    (made,) = compare([variant(results, "study-a", model=1), variant(results, "study-b", model=2, factor=0.5)], "study")
-    assert [cells[0] for cells in made.cells] == ["a", "b", "midpoint", "a <b>&"]
+def test_differences_are_of_the_means_over_seeds(compared, results):
+    made = compared((0.5, 1.5, 0.7))
     values = 1000 * np.array(results["methods"][0]["values"]["cd"])
-    assert line(made, "a")["cd ×10³"] == f"{values.mean():.3f} ± {values.std(ddof=1):.3f}"
-    assert line(made, "b")["cd ×10³"].splitlines() == [
-        f"{values.mean() / 2:.3f} ± {values.std(ddof=1) / 2:.3f}",
-        "6/6 wins",
-    ]
-    assert line(made, "b")["s/epoch"] == "360"
-    assert line(made, "midpoint")["s/epoch"] == ""
-    assert line(made, "midpoint")["parameters"] == ""
-    assert "6 objects, test split of cad-parts; 64 points to 256" in made.note
-    assert "over the objects" in made.note
+    each = values * (0.5 + 1.5 + 0.7) / 3 - values
+    first, difference = made.differences["cd"][:2]
+    assert first is None
+    assert difference.mean == pytest.approx(each.mean())
+    assert difference.mean == pytest.approx(made.rows[1].mean("cd") - made.rows[0].mean("cd"))
+    assert difference.interval == pytest.approx(interval(each))
+    assert (difference.wins, difference.better_seeds) == (6, 2)
+    rows = np.stack([row.of_objects("cd") for row in made.rows])
+    assert difference.p_value == pytest.approx(pairwise(rows)[0, 1])
+    assert made.tested == 4
 
 
-def test_a_baseline_on_other_clouds_is_another_row(results, variant):
-    other = variant(results, "study-b", model=2)
-    other["methods"][1]["values"]["cd"][0] *= 2
-    (made,) = compare([variant(results, "study-a", model=1), other], "study")
-    assert [cells[0] for cells in made.cells].count("midpoint") == 2
+def test_the_first_row_exchanged_negates_the_difference(results, variant):
+    runs = [parse_results(variant(results, f"s-{name}", model=name, factor=f)) for name, f in (("a", 1.0), ("b", 1.3))]
+    one, other = (comparison(order, "s").differences["hd"][1] for order in (runs, runs[::-1]))
+    assert other.mean == pytest.approx(-one.mean)
+    assert other.interval == pytest.approx((-one.interval[1], -one.interval[0]))
+    assert other.p_value == one.p_value
 
 
-def test_runs_that_differ_in_their_seed_alone_are_one_row(results, variant):
-    runs = [variant(results, f"study-a-seed.{seed}", seed=seed, factor=1 + seed) for seed in range(3)]
-    runs.append(variant(results, "study-b", model=2))
-    (made,) = compare(runs, "study")
-    assert "±" not in line(made, "b")["cd ×10³"], "one seed has no deviation over seeds"
-    means = 1000 * np.mean(results["methods"][0]["values"]["cd"]) * np.array([1, 2, 3])
-    assert line(made, "a")["cd ×10³"] == f"{means.mean():.3f} ± {means.std(ddof=1):.3f}"
-    assert "over the means of 3 seeds (0, 1, 2)" in made.note
-    row, _ = variants([parse_results(one) for one in runs], "study")
-    assert row.values["cd"].shape == (3, 6)
+@pytest.mark.parametrize("order", [(5, 4, 3, 2, 1, 0), (2, 0, 1, 5, 3, 4)])
+def test_the_order_of_the_objects_does_not_count(results, variant, order):
+    def permuted(made):
+        for method in made["methods"]:
+            method["values"] = {metric: [values[k] for k in order] for metric, values in method["values"].items()}
+        return made | {key: [made[key][k] for k in order] for key in ("objects", "groups")}
+
+    runs = [variant(results, "s-a", model=1), variant(results, "s-b", model=2, factor=1.2)]
+    before = comparison([parse_results(one) for one in runs], "s")
+    after = comparison([parse_results(permuted(one)) for one in runs], "s")
+    for metric, differences in before.differences.items():
+        for one, other in zip(differences[1:], after.differences[metric][1:], strict=True):
+            assert other.mean == pytest.approx(one.mean)
+            assert other.interval == pytest.approx(one.interval)
+            assert (other.p_value, other.wins) == (one.p_value, one.wins)
 
 
-def test_what_was_published_stands_beside_it(results, variant):
-    (made,) = compare(
-        [variant(results, "a", published={"cd": 0.671, "s/cloud": 0.0241}), variant(results, "b", model=2)], "study"
-    )
-    assert line(made, "a")["cd ×10³"].endswith("\npublished 0.671")
-    assert line(made, "a")["s/cloud"].endswith("\npublished 0.0241")
-    assert "published" not in line(made, "a")["hd ×10³"]
-
-
-@pytest.mark.parametrize("axis", ["touches", "rate"])
-def test_touches_and_rates_become_columns(results, axis, variant):
-    runs = [
-        variant(results, f"study-{name}-{axis}.{k}", factor=1 + k, model=name, data=k, published={"cd": float(k)})
-        for name in ("x", "y")
-        for k in (0, 2)
-    ]
-    whole, pivot = compare(runs[:3], "study")
-    assert len(whole.cells) == 5
-    assert pivot.heads == [axis, "0", "2"]
-    mean = 1000 * np.mean(results["methods"][0]["values"]["cd"])
-    assert pivot.cells == [
-        ["x", f"{mean:.3f}\npublished 0", f"{3 * mean:.3f}\npublished 2"],
-        ["y", f"{mean:.3f}\npublished 0", ""],
-    ]
-
-
-def test_names_are_no_markup_on_screen(results, variant):
-    runs = [variant(results, "study-[red]a", model=1), variant(results, "study-<b>b", model=2)]
-    assert "[red]a" in printed(compare(runs, "study")[0])
-
-
-def test_malformed_results_are_named(results, variant):
-    broken = variant(results, "a")
-    del broken["methods"][0]["seconds"]
-    with pytest.raises(UserError, match=r"methods\.0\.seconds"):
-        compare([broken], "study")
-
-
-def test_rows_of_other_clouds_are_not_counted_against_each_other(results, variant):
-    other = variant(results, "study-b", model=2, factor=0.5)
-    other["data"] |= {"truth": 512, "rate": 8}
-    whole, *_ = compare([variant(results, "study-a", model=1), other], "study")
-    assert "wins" not in line(whole, "b")["cd ×10³"]
-    assert {cells[0] for cells in whole.cells} >= {"midpoint 4×"}
-    assert "64 points to 256 or 64 points to 512" in whole.note
-
-
-def test_the_note_names_the_protocol_of_each_row(results, variant):
-    runs = [variant(results, f"study-{name}", model=name) for name in "abcd"]
-    for run, protocol in zip(runs, ("as x", "as y", "as x"), strict=False):
-        run["protocol"] = protocol
-    note = compare(runs, "study")[0].note
-    assert note.endswith(". a, c: as x. b: as y.")
-    assert note.count("as x") == 1
-    assert "midpoint:" not in note
-
-
-def test_labels_leave_out_what_all_begin_with(results, variant):
-    runs = [variant(results, f"small-fusion.{name}", model=name) for name in ("my.one", "my.other")]
-    (made,) = compare(runs, "compare")
-    assert [cells[0] for cells in made.cells][:2] == ["fusion.my.one", "fusion.my.other"]
-
-
-def test_names_are_whole_on_a_narrow_screen(results, variant):
-    names = [f"a-{'long' * 6}-name-{number}" for number in range(2)]
-    (made,) = compare([variant(results, name, model=name) for name in names], "study")
-    console = Console(file=io.StringIO(), width=80)
-    console.print(made)
-    text = console.file.getvalue()
-    assert all(cells[0] in text for cells in made.cells[:2])
-
-
-def test_touch_efficiencies_are_spread_over_seeds_and_a_network_without_touch_has_a_dash(results, touch, variant):
-    runs = [variant(results, f"study-a-seed.{seed}", seed=seed) for seed in range(2)]
-    runs[1]["touch"]["touched"] = [4.5e-4] * 6  # a half instead of a third
-    runs.append(variant(results, "study-b", model=2))
-    runs[2] |= {"touch": None, "data": {**runs[2]["data"], "touches": 0}}
-    (made,) = compare(runs, "study")
-    assert (
-        line(made, "a")["touch efficiency"] == f"{np.mean([1 / 3, 1 / 2]):.3f} ± {np.std([1 / 3, 1 / 2], ddof=1):.3f}"
-    )
-    assert line(made, "b")["touch efficiency"] == "–"
-    assert line(made, "midpoint")["touch efficiency"] == ""
-    assert "(without - with)" in made.note
-    (alone,) = compare(runs[2:], "study")
-    assert "touch efficiency" not in alone.heads
-    assert "(without - with)" not in alone.note
-
-
-def test_the_floor_decides_no_digits(results, variant):
-    runs = [variant(results, "study-a", model=1), variant(results, "study-b", model=2)]
-    before = line(compare(runs, "study")[0], "a")
+def test_the_floor_is_not_tested_and_never_the_best(results, variant):
+    runs = [variant(results, "s-a", model=1), variant(results, "s-b", model=2, factor=2.0)]
     for one in runs:
         one["methods"].append({**one["methods"][1], "name": "floor", "values": {"cd": [1e-9] * 6, "hd": [1e-9] * 6}})
-    (made,) = compare(runs, "study")
-    assert line(made, "a") == before
-    assert line(made, "floor")["cd ×10³"].startswith("0.000 ± 0.000")
+        one["methods"] = [one["methods"][0], one["methods"][-1]]
+    made = comparison([parse_results(one) for one in runs], "s")
+    assert made.tested == 2
+    floor = made.differences["cd"][2]
+    assert (floor.p_value, floor.wins) == (None, 6)
+    assert made.best == {"cd": 0, "hd": 0}, "6 objects of one sign have p = 1/32"

@@ -44,13 +44,29 @@ def test_labels_leave_out_what_all_begin_with(run):
     assert [row.label for row in rows] == ["x", "y"]
 
 
-def test_wins_are_counted_object_by_object_and_on_the_same_clouds_alone(run, results):
-    better, worse = variants([run("s-a", model=1, factor=0.5), run("s-b", model=2)], "s")
-    assert (better.wins(worse, "cd"), worse.wins(better, "cd")) == (6, 0)
-    assert better.wins(better, "cd") == 0
+def test_rows_of_the_same_clouds_are_comparable(run, results):
+    one, other = variants([run("s-a", model=1, factor=0.5), run("s-b", model=2)], "s")
+    assert one.comparable(other)
     results["data"]["points"] = 32
     (elsewhere,) = variants([run("s-c", model=3)], "s")
-    assert better.wins(elsewhere, "cd") is None
+    assert not one.comparable(elsewhere)
+
+
+def test_rows_whose_clouds_change_with_the_seed_are_comparable_seed_by_seed(run, results):
+    runs = {"a": [], "b": []}
+    for seed in (0, 1):
+        results["data"]["radii"] = [0.5 + seed] * 6
+        for name, made in runs.items():
+            made.append(run(f"s-{name}-seed.{seed}", seed=seed, model=name))
+    one, other = variants([*runs["a"], *runs["b"]], "s")
+    assert one.comparable(other)
+    assert not one.comparable(variants(runs["b"][:1], "s")[0])
+
+
+def test_one_recipe_and_seed_twice_are_two_rows(run):
+    first, second = variants([run("s-a"), run("s-a")], "s")
+    assert (first.label, second.label) == ("a", "a (2)")
+    assert first.values["cd"].shape == (1, 6)
 
 
 def test_a_baseline_is_there_once_and_again_where_its_values_differ(run, results):

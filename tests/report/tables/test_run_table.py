@@ -6,6 +6,7 @@ from rich.console import Console
 
 from pcsr import report
 from pcsr.errors import UserError
+from pcsr.report.tables.significance import RULE
 from pcsr.results import parse_results
 
 
@@ -50,14 +51,30 @@ def test_the_screen_shows_the_numbers(results):
     assert "better than midpoint" in text
 
 
-def test_only_the_best_is_bold(results):
-    means = [statistics.mean(method["values"]["cd"]) for method in results["methods"]]
+def test_only_a_best_that_is_significantly_better_is_bold(results):
+    assert not table(results).bold, "6 objects and 3 methods are too few"
+    for k, method in enumerate(results["methods"]):
+        method["values"] = {metric: [0.001 * (1 + k) + 1e-5 * i for i in range(12)] for metric in method["values"]}
+    results["objects"], results["groups"] = list("abcdefghijkl"), ["all"] * 12
     shown = table(results)
-    assert [(row, 1) in shown.bold for row in range(3)] == [mean == min(means) for mean in means]
+    assert shown.bold == {(0, 1), (0, 2)}
+    assert RULE in shown.note
     console = Console(file=io.StringIO(), width=160, force_terminal=True, color_system="standard")
     console.print(shown)
-    best = shown.cells[means.index(min(means))][1].splitlines()[0]
-    assert f"\x1b[1m{best}\x1b[0m" in console.file.getvalue()
+    assert f"\x1b[1m{shown.cells[0][1].splitlines()[0]}\x1b[0m" in console.file.getvalue()
+
+
+def test_a_network_that_loses_after_a_short_training_has_an_explanation(results):
+    results["training"]["steps"] = 8
+    for k, values in enumerate(([0.2] * 6, [0.1] * 6)):
+        results["methods"][k]["values"]["cd"] = values
+    said = report.few_steps(parse_results(results))
+    assert said.startswith("tapsr is worse than midpoint in cd: its training had 8 steps")
+    results["training"]["steps"] = 9000
+    assert report.few_steps(parse_results(results)) is None
+    results["training"]["steps"] = 8
+    results["methods"][0]["values"]["cd"] = [0.05] * 6
+    assert report.few_steps(parse_results(results)) is None
 
 
 def test_names_are_no_markup(results):

@@ -1,10 +1,12 @@
 import statistics
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr.report.tables.scores import efficiency_cell, group_means, scaled, scores
+from pcsr.report.tables.significance import clear_best, pairwise
 from pcsr.results import parse_results
 
 
@@ -20,11 +22,19 @@ def test_scores_are_what_the_statistics_module_says(results):
             assert score.wins == (None if method["name"] == "midpoint" else wins)
 
 
-def test_one_best_a_column_and_it_is_the_smallest_mean(results):
+def test_the_best_of_a_column_is_that_of_the_statistics(results):
+    results["objects"], results["groups"] = [str(k) for k in range(9)], ["all"] * 9
+    rng = np.random.default_rng(0)
+    for k, method in enumerate(results["methods"]):
+        # In cd the methods differ by far, in hd the first two do not.
+        method["values"] = {"cd": (rng.uniform(1, 2, 9) + k).tolist(), "hd": (rng.uniform(1, 2, 9) + k // 2).tolist()}
     rows = scores(parse_results(results))
     for metric in results["metrics"]:
-        means = [statistics.mean(m["values"][metric]) for m in results["methods"]]
-        assert [row[metric].best for row in rows] == [mean == min(means) for mean in means]
+        values = np.array([method["values"][metric] for method in results["methods"]])
+        best = clear_best(values, pairwise(values))
+        assert [row[metric].best for row in rows] == [k == best for k in range(3)]
+    assert [row["cd"].best for row in rows] == [True, False, False]
+    assert not any(row["hd"].best for row in rows)
 
 
 def test_an_equal_value_is_no_win(results):

@@ -1,0 +1,52 @@
+"""`pcsr runs rm`: remove run folders."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from pcsr.cli.options import FILE
+from pcsr.errors import RunError, UserError
+
+
+@click.command("rm")
+@click.argument("named", nargs=-1, required=True, type=FILE, metavar="RUN...")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.pass_obj
+def remove(runs: Path, named: tuple[Path, ...], yes: bool) -> None:
+    """Remove run folders with all of their files.
+
+    RUN is a run folder, its name, or the beginning of its name. Weights that other recipes name are removed too.
+    """
+    from pcsr.limits import gigabytes
+    from pcsr.run_folders import RunFolder, find_run
+
+    folders = list(dict.fromkeys(find_run(one, runs) for one in named))
+    found = [RunFolder.read(folder) for folder in folders]
+    for folder in folders:
+        if folder.is_symlink():
+            raise UserError(f"{folder} is a link: remove the folder that it points to, {folder.resolve()}")
+    for run in found:
+        click.echo(f"{run.folder}: {run.state}, {gigabytes(run.size)}")
+    if not yes:
+        count = "this run" if len(found) == 1 else f"these {len(found)} runs"
+        click.confirm(f"Remove {count}?", abort=True)
+    _remove(folders)
+
+
+def _remove(folders: Sequence[Path]) -> None:
+    """Remove folders. Each is renamed first, so that an interruption leaves no half of a run.
+
+    Raises:
+        RunError: a folder can't be removed.
+    """
+    for folder in folders:
+        whole = folder.absolute()  # `.` has no name
+        aside = whole.with_name(f".{whole.name}.removed")
+        try:
+            whole.rename(aside)
+            shutil.rmtree(aside)
+        except OSError as error:
+            raise RunError(f"{folder} can't be removed: {error.strerror or error}") from error
+        click.echo(f"removed {folder}")

@@ -1,0 +1,78 @@
+"""Tables as LaTeX, Markdown and CSV hold the numbers of the comparison."""
+
+import csv
+import io
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pcsr import report
+from pcsr.report.tables.markup import COLUMNS, comma_separated, latex, markdown
+from pcsr.report.tables.text_table import TextTable
+from pcsr.results import parse_results
+
+
+@pytest.fixture
+def compared(results, variant):
+    runs = [variant(results, "s-a_b", model=1, published={"cd": 0.5}), variant(results, "s-c", model=2, factor=2.0)]
+    for one in runs:  # a clear best
+        one["methods"] = one["methods"][:1]
+    return report.comparison([parse_results(one) for one in runs], "s")
+
+
+def test_latex_has_the_cells_escaped_and_the_best_bold(compared):
+    text = latex(report.tables(compared), "study")
+    (row,) = re.findall(r"^a\\_b & (.*) \\\\$", text, re.MULTILINE)
+    mean = f"{compared.rows[0].mean('cd'):.3f}"
+    assert row.startswith(rf"\begin{{tabular}}[t]{{@{{}}r@{{}}}}\textbf{{{mean} $\pm$ ")
+    assert r"\\ published 0.5\end{tabular}" in row
+    assert r"cd $\times$10$^{3}$" in text
+    assert r"mean squared distance, a $<$ b \& c" in text
+    assert re.findall(r"\\label\{(.*)\}", text) == ["tab:study", "tab:study-2"]
+    assert text.count(r"\toprule") == text.count(r"\midrule") == text.count(r"\bottomrule") == 2
+
+
+@given(st.lists(st.lists(st.text("ab1.\\&%$#_{}~^<>|±×†–+-³⁻\n", max_size=9), min_size=2, max_size=2), min_size=1))
+def test_latex_of_any_text_is_balanced_and_each_row_has_its_cells(cells):
+    table = TextTable("t{", ["", "h_1"], cells, "n%")
+    text = latex([table], "x")
+    plain = re.sub(r"\\[&%$#_{}]|\\textbackslash\{\}|\\text\w+\{\}", "", text)
+    assert plain.count("{") == plain.count("}")
+    assert plain.count("$") % 2 == 0
+    assert plain.count(r"\begin{") == plain.count(r"\end{")
+    body = plain.partition("\\midrule\n")[2].partition("\\bottomrule")[0]
+    assert [line.count("&") for line in body.splitlines()] == [1] * len(cells)
+    assert "%" not in plain.partition("\n")[2]
+
+
+def test_markdown_has_the_cells_and_the_best_bold(compared):
+    text = markdown(report.tables(compared))
+    table = report.tables(compared)[0]
+    first = table.cells[0][1].splitlines()[0]
+    assert rf"| a\_b | **{first}**<br>published 0.5 |" in text
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    assert {line.count(" | ") for line in lines[:4]} == {len(table.heads) - 1}
+
+
+def test_csv_has_unrounded_numbers(compared):
+    lines = list(csv.DictReader(io.StringIO(comma_separated(compared))))
+    assert tuple(lines[0]) == COLUMNS
+    assert [(line["row"], line["metric"]) for line in lines] == [
+        (row.label, metric) for row in compared.rows for metric in compared.metrics
+    ]
+    by_key = {(line["row"], line["metric"]): line for line in lines}
+    first, second = by_key["a_b", "cd"], by_key["c", "cd"]
+    difference = compared.differences["cd"][1]
+    assert float(first["mean"]) == compared.rows[0].mean("cd")
+    assert (first["best"], first["difference"], first["published"]) == ("True", "", "0.5")
+    assert (float(second["difference"]), float(second["p_holm"])) == (difference.mean, difference.p_value)
+    assert (float(second["ci_low"]), float(second["ci_high"])) == difference.interval
+    assert (second["compared_with"], second["wins"], second["best"], second["seeds"]) == ("a_b", "0", "False", "0")
+
+
+def test_files_are_written_in_each_format(compared, tmp_path):
+    for form, beginning in (("latex", "% \\usepackage"), ("markdown", "**s**"), ("csv", "row,seeds")):
+        report.write_tables(compared, form, tmp_path / form)
+        assert (tmp_path / form).read_text(encoding="utf-8").startswith(beginning)
