@@ -7,6 +7,7 @@ import torch
 from safetensors.torch import save_file
 
 from pcsr.errors import UserError
+from pcsr.experiments.environment import plugin_files
 from pcsr.experiments.run import check_graft
 from pcsr.experiments.train import initial
 from pcsr.grafting.description import described
@@ -55,6 +56,8 @@ def test_a_graft_is_trained_with_its_network(read, tmp_path, overrides):
     before = build(recipe, registry)
     after = trained(recipe, tmp_path / "run", registry=registry)
     assert not after.training
+    file = recipe.model.graft.network.partition(":")[0]
+    assert [path.name for path in plugin_files(recipe, registry).values()] == [file], "copied to the run folder"
     assert len([line for line in history(tmp_path / "run") if "loss" in line]) == STEPS
     moved = {name for name, tensor in after.state_dict().items() if not torch.equal(tensor, before.state_dict()[name])}
     assert {"network", "fusion", "touch_encoder"} == {name.partition(".")[0] for name in moved}
@@ -74,6 +77,18 @@ def test_a_frozen_network_stays_as_it_was_in_batches_without_touches_too(read, t
     before = initial(recipe, registry)
     assert not same(before.fusion, after.fusion)
     assert before.network.training is after.network.training is False
+
+
+@pytest.mark.parametrize("average", ["ema", "swa"])
+def test_averages_clipping_and_early_stopping_leave_a_frozen_network_as_it_was(read, tmp_path, average):
+    theirs = network("cascade", seed=3).__class__(channels=8)
+    save_file(theirs.state_dict(), tmp_path / "theirs.safetensors")
+    settings = (f"average={average}", "clip_norm=0.1", "validate_every=1", "patience=4")
+    recipe, registry = read("model.graft.weights=theirs.safetensors", *(f"train.{one}" for one in settings))
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    assert all(torch.equal(after.network.state_dict()[name], tensor) for name, tensor in theirs.state_dict().items())
+    assert not same(initial(recipe, registry).fusion, after.fusion)
+    assert not after.training
 
 
 def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(read, tmp_path):

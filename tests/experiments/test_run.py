@@ -169,8 +169,8 @@ def test_what_loggers_write_stays_when_a_network_is_trained_again(recipe, split,
         with Progress(disable=True) as progress:
             _, training = trained(one, registry, "data", lambda *_: split, fabric(), options, progress)
         lengths.append(len((folder / "events" / "steps.txt").read_text().splitlines()))
-        names = {"events", "recipe.json", "weights.safetensors", *(["metrics.jsonl"] if jsonl else [])}
-        assert {path.name for path in folder.iterdir()} == names
+        names = {"events", "weights.safetensors", *(["metrics.jsonl"] if jsonl else [])}
+        assert {path.name for path in folder.iterdir()} == {*names, "recipe.json", "environment.json"}
     assert lengths[0] == lengths[1] > 0
     assert (training["steps"], training["device"], training["validation"].keys()) == (6, "1 x cpu", {"cd"})
     assert packages(one, registry, RunOptions()).get("no_such_package") == "logger 'events'"
@@ -215,8 +215,8 @@ def test_snapshots_are_weights_files_of_the_run_folder(recipe, registry, split, 
     folder.mkdir()
     with Progress(disable=True) as progress:
         last, _ = trained(recipe, registry, "data", lambda name, progress: split, fabric(), options, progress)
-    names = {"weights-1.safetensors", "weights-4.safetensors", "weights.safetensors", "metrics.jsonl", "recipe.json"}
-    assert {path.name for path in folder.iterdir()} == names
+    names = {"weights-1.safetensors", "weights-4.safetensors", "weights.safetensors", "metrics.jsonl"}
+    assert {path.name for path in folder.iterdir()} == {*names, "recipe.json", "environment.json"}
     found = {}
     for step in (1, 4):
         network, of, card = load_weights(folder / f"weights-{step}.safetensors", registry)
