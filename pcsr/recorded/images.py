@@ -4,23 +4,18 @@ Points are in pcsr's sensor frame, in mm. Its origin is the centre of the gel's 
 up, and z out of the object into the gel, so that an indentation has a positive z.
 """
 
-import warnings
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pcsr.errors import UserError
-from pcsr.inputs import read_bytes
-from pcsr.limits import MOST_PIXELS
 from pcsr.recorded.likely_mistakes import check_indentation
 from pcsr.recorded.manifest import Intrinsics
 from pcsr.recorded.pickles.unpickle import load_numpy
+from pcsr.sensors.images import check_size, read_picture
 
 SUFFIXES = (".npy", ".png", ".jpg", ".jpeg")
-LARGEST = 1 << 28
-"""Greatest size of an image file in bytes: 256 MiB, more than `MOST_PIXELS` float64 numbers take."""
 VIDEOS = (".avi", ".mp4", ".mov", ".mkv", ".webm")
 CAMERA = "of a camera image of the gel make an entry with the key image and a calibration, see pcsr sensor calibrate"
 """Remedy for camera images, of which heights are reconstructed first."""
@@ -44,32 +39,12 @@ def read_image(path: Path) -> Float[np.ndarray, "h w"]:
         held = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
         camera = f"; {CAMERA}" if isinstance(image, np.ndarray) and image.ndim == 3 else ""
         raise UserError(f"{path} holds {held}: an image is an array of real numbers of shape (h, w){camera}")
-    _check_size(image.shape[1], image.shape[0], path)
+    check_size(image.shape[1], image.shape[0], path)
     return image.astype(np.float64)
 
 
-def _check_size(width: int, height: int, path: Path) -> None:
-    if width * height > MOST_PIXELS:
-        raise UserError(f"{path} is an image of {width} x {height} pixels, more than {MOST_PIXELS}: make it smaller")
-
-
 def _picture(path: Path) -> np.ndarray:
-    from PIL import Image
-
-    data = read_bytes(path, most=LARGEST)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the size is checked here; other warnings are harmless
-            # Only these formats: Pillow would detect fifty others, some of which start other programs.
-            with Image.open(BytesIO(data), formats=("PNG", "JPEG")) as image:
-                _check_size(*image.size, path)
-                mode, levels = image.mode, np.array(image)
-    except UserError:
-        raise
-    except Image.DecompressionBombError as error:
-        raise UserError(f"{path} is an image of more than {MOST_PIXELS} pixels: make it smaller") from error
-    except Exception as error:  # a malformed file makes Pillow raise errors of many types
-        raise UserError(f"{path} cannot be read as an image: it is damaged, or no PNG or JPEG") from error
+    mode, levels = read_picture(path, ("PNG", "JPEG"), np.array)
     if mode not in GREY:
         camera = f"; {CAMERA}" if mode in ("RGB", "RGBA") else ""
         raise UserError(

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pcsr import UserError
-from pcsr.recorded import images
 from pcsr.recorded.images import depth_contact, height_contact, read_image, same_size
 from pcsr.recorded.manifest import Intrinsics
+from pcsr.sensors import images
 
 LEVELS = np.arange(12, dtype=np.uint8).reshape(3, 4) * 20
 

@@ -206,11 +206,11 @@ def test_the_sensors_errors_add_to_those_of_the_registration():
     touch = pressed(wavy)
     plain = register([touch], scan(wavy)).touches[0]
     errors = np.linspace(0.1, 0.5, len(touch.points))
-    told = register([replace(touch, errors=errors)], scan(wavy)).touches[0]
-    own = told.touch.errors
-    assert len(own) == len(told.errors)
-    assert (told.errors >= own).all()
-    assert np.median(told.errors) > 2 * np.median(plain.errors)
+    found = register([replace(touch, errors=errors)], scan(wavy)).touches[0]
+    own = found.touch.errors
+    assert len(own) == len(found.errors)
+    assert (found.errors >= own).all()
+    assert np.median(found.errors) > 2 * np.median(plain.errors)
     exact = register([replace(touch, errors=errors)], scan(wavy), pose_error=PoseError(position=0.0, rotation=0.0))
     np.testing.assert_array_equal(exact.touches[0].errors, errors)
     same = register([replace(touch, errors=np.zeros(len(touch.points)))], scan(wavy)).touches[0]
