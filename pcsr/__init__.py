@@ -20,13 +20,16 @@ if TYPE_CHECKING:
         Backbone,
         Baseline,
         Encoder,
+        Fingertip,
         Fusion,
         Logger,
         Metric,
         Objective,
+        Policy,
         ShapeItem,
         ShapeSource,
         TouchBatch,
+        TouchCandidates,
         TouchSource,
         Trait,
         Upsampler,
@@ -34,11 +37,13 @@ if TYPE_CHECKING:
         Widths,
     )
     from pcsr.data.loader import Loader
+    from pcsr.exploration import NextTouch, next_touches
     from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
     from pcsr.model import Model, load
     from pcsr.options import Choice, Options
+    from pcsr.plugins.part_choice import PartChoice
     from pcsr.plugins.registry import Register
     from pcsr.registration import RegisteredTouch, Registration, register
     from pcsr.weights.file import read_card
@@ -54,6 +59,8 @@ _HOMES = {
     "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
+    "PartChoice": "pcsr.plugins.part_choice",
+    **dict.fromkeys(("NextTouch", "next_touches"), "pcsr.exploration"),
     **dict.fromkeys(("RegisteredTouch", "Registration", "register"), "pcsr.registration"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     "Loader": "pcsr.data.loader",
@@ -62,14 +69,17 @@ _HOMES = {
             "Backbone",
             "Baseline",
             "Encoder",
+            "Fingertip",
             "Fusion",
             "Logger",
             "Metric",
             "ShapeItem",
             "Objective",
+            "Policy",
             "ShapeSource",
             "TouchSource",
             "TouchBatch",
+            "TouchCandidates",
             "Trait",
             "Upsampler",
             "UpsamplingNetwork",
@@ -84,16 +94,20 @@ __all__ = [
     "Baseline",
     "Choice",
     "Encoder",
+    "Fingertip",
     "Fusion",
     "Grafted",
     "Loader",
     "Logger",
     "Metric",
     "Model",
+    "NextTouch",
     "Objective",
     "Options",
     "PcsrError",
+    "PartChoice",
     "PcsrWarning",
+    "Policy",
     "PoseError",
     "Register",
     "RegisteredTouch",
@@ -103,6 +117,7 @@ __all__ = [
     "ShapeSource",
     "Touch",
     "TouchBatch",
+    "TouchCandidates",
     "TouchSource",
     "Trait",
     "Upsampler",
@@ -117,6 +132,7 @@ __all__ = [
     "hookimpl",
     "load",
     "metrics",
+    "next_touches",
     "read_card",
     "read_mesh",
     "recorded",

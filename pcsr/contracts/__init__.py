@@ -9,13 +9,15 @@ encoder (TAPSR, Sec. 3.1, Fig. 1)::
 
 `pcsr.contracts.network` holds the four kinds of network part and `Objective`, which trains a network;
 `pcsr.contracts.sources` the two kinds that build data; `pcsr.contracts.evaluation` metrics and baselines;
-`pcsr.contracts.logger` what records a training; `pcsr.contracts.part` what all kinds have in common.
+`pcsr.contracts.policy` what
+chooses where to touch next; `pcsr.contracts.logger` what records a training; `pcsr.contracts.part` what all kinds have in common.
 """
 
 from pcsr.contracts.evaluation import Baseline, Metric
 from pcsr.contracts.logger import Logger
 from pcsr.contracts.network import Backbone, Encoder, Fusion, Objective, Upsampler, UpsamplingNetwork
 from pcsr.contracts.part import Part, Trait, Widths
+from pcsr.contracts.policy import Fingertip, Policy, TouchCandidates
 from pcsr.contracts.sources import SPLITS, ShapeItem, ShapeSource, TouchSource
 from pcsr.contracts.touch_batch import TouchBatch
 
@@ -24,14 +26,17 @@ __all__ = [
     "Backbone",
     "Baseline",
     "Encoder",
+    "Fingertip",
     "Fusion",
     "Logger",
     "Metric",
     "Objective",
     "Part",
+    "Policy",
     "ShapeItem",
     "ShapeSource",
     "TouchBatch",
+    "TouchCandidates",
     "TouchSource",
     "Trait",
     "Upsampler",

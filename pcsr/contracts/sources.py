@@ -11,6 +11,7 @@ from jaxtyping import Float
 from pcsr.clouds.pose_error import PoseError
 from pcsr.clouds.touch import Touch
 from pcsr.contracts.part import Part
+from pcsr.contracts.policy import Fingertip
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -136,4 +137,8 @@ class TouchSource(Part):
 
     def pose_error(self, name: str) -> PoseError | None:
         """Return the error of the poses of an object's touches; None, the default, if it is unknown."""
+        return None
+
+    def fingertip(self) -> Fingertip | None:
+        """Return the outline of the sensor; None, the default, if it is unknown."""
         return None

@@ -25,6 +25,7 @@ KINDS = {
     "metric": "Metric",
     "baseline": "Baseline",
     "logger": "Logger",
+    "policy": "Policy",
 }
 """Kinds of parts, each with the name of its class in `pcsr.contracts`; that module imports torch, this one does not."""
 FIRST_PARTY = "pcsr"
@@ -206,6 +207,7 @@ class Register:
         ...     register.metric("my-metric", "my_package.parts:MyMetric")
         ...     register.baseline("my-baseline", "my_package.parts:MyBaseline")
         ...     register.logger("my-logger", "my_package.parts:MyLogger")
+        ...     register.policy("my-policy", "my_package.parts:MyPolicy")
     """
 
     registry: Registry
@@ -254,3 +256,7 @@ class Register:
     def logger(self, name: str, part: type | str) -> None:
         """Register a logger."""
         self._add("logger", name, part)
+
+    def policy(self, name: str, part: type | str) -> None:
+        """Register a policy."""
+        self._add("policy", name, part)

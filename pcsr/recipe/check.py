@@ -8,6 +8,7 @@ from typing import Any, TypeGuard, get_args
 from pydantic import BaseModel, ValidationError
 
 from pcsr.errors import UserError, did_you_mean
+from pcsr.plugins.part_choice import PartChoice
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.contradictions import contradictions
 from pcsr.recipe.graft import NETWORK_PART, network_code, network_mistakes
@@ -157,7 +158,27 @@ def _part(
         text = f"{'.'.join(map(str, keys))}: name the part, as `{key} {example}` or with `use:`"
         mistakes.append(Mistake(source.location(keys), text))
         return {"use": "", "options": {}}
-    return _spec(source, keys, kind, written, mistakes, lambda name: options_model(registry.get(kind, name)))
+    spec = _spec(source, keys, kind, written, mistakes, lambda name: options_model(registry.get(kind, name)))
+    for option, value in spec["options"].items():
+        if isinstance(value, PartChoice):
+            spec["options"][option] = _inner_part(source, registry, (*keys, option), value, mistakes)
+    return spec
+
+
+def _inner_part(
+    source: Source, registry: Registry, keys: Keys, choice: PartChoice, mistakes: list[Mistake]
+) -> PartChoice:
+    """Return the choice of a part within a part's options, with all options; add its mistakes to `mistakes`."""
+    written = {"use": choice.use, **choice.part_options}
+    models: list[type[BaseModel]] = []
+
+    def model_of(name: str) -> type[BaseModel]:
+        models.append(options_model(registry.get(choice.kind, name)))
+        return models[-1]
+
+    before = len(mistakes)
+    _spec(source, keys, choice.kind, written, mistakes, model_of)
+    return choice if len(mistakes) > before else choice.completed(models[-1])
 
 
 def _spec(
@@ -207,6 +228,13 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
             known = written.get(location) if isinstance(written, dict) else None
         if isinstance(known, str):
             code[location] = known
+        for option, value in (spec.get("options") or {} if isinstance(spec, dict) and keys in parts else {}).items():
+            if isinstance(value, PartChoice):
+                inner = registry.entries.get((value.kind, value.use))
+                if inner is not None and inner.code is not None:
+                    code[f"{location}.{option}"] = inner.code
+        if keys not in parts and isinstance(written, dict):
+            code |= {key: one for key, one in written.items() if key.startswith(f"{location}.") and isinstance(one, str)}
     if is_graft(data):
         location = ".".join(map(str, NETWORK_KEYS))
         known = network_code(data, registry) if NETWORK_PART in parts else (written or {}).get(location)

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from pcsr.plugins.guard import guarded
+from pcsr.plugins.part_choice import PartChoice
 from pcsr.plugins.registry import Registry
 
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
@@ -28,9 +29,21 @@ class PartSpec(Section):
     def build(self, registry: Registry, kind: str, *host: Any) -> Any:
         """Build the part. `host` are the arguments that the host passes by position, such as `Widths`."""
         part = registry.get(kind, self.use)
+        options = {
+            name: value.with_registry(registry) if isinstance(value, PartChoice) else value
+            for name, value in self.options.items()
+        }
         with guarded(f"the constructor of {kind} '{self.use}'"):
-            return part(*host, **self.options)
+            return part(*host, **options)
 
     def needs(self, registry: Registry, kind: str) -> dict[str, str]:
-        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`."""
-        return dict.fromkeys(sorted(registry.get(kind, self.use).needs), f"{kind} '{self.use}'")
+        """Return the optional packages that the part needs, each with the part's name, for `pcsr.extras.require`.
+
+        Those of parts that its options name are among them.
+        """
+        inner = [(one.kind, one.use) for one in self.options.values() if isinstance(one, PartChoice)]
+        return {
+            package: f"{of} '{name}'"
+            for of, name in [*inner, (kind, self.use)]
+            for package in sorted(registry.get(of, name).needs)
+        }

@@ -32,7 +32,7 @@ from pcsr import Register, hookimpl
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Register the parts of the paper and of other networks, the sources of data, metrics, baselines and the logger."""
+    """Register the parts of the paper and of other networks, the sources of data, metrics, baselines, policies and the logger."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
     register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
@@ -90,5 +90,11 @@ def pcsr_register(register: Register) -> None:
 
     register.baseline("midpoint", "pcsr_plugins.baselines.midpoint:Midpoint")
     register.baseline("floor", "pcsr_plugins.baselines.floor:Floor")
+
+    register.policy("expected-error", "pcsr_plugins.policies.expected_error:ExpectedError")
+    register.policy("grasp", "pcsr_plugins.policies.grasp:Grasp")
+    register.policy("sparse", "pcsr_plugins.policies.sparse:Sparse")
+    register.policy("spread", "pcsr_plugins.policies.spread:Spread")
+    register.policy("uniform", "pcsr_plugins.policies.uniform:Uniform")
 
     register.logger("jsonl", "pcsr.experiments.history:JsonLines")

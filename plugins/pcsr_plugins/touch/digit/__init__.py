@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
-from pcsr import PoseError, ShapeItem, Touch, TouchSource, UserError
+from pcsr import Fingertip, PoseError, ShapeItem, Touch, TouchSource, UserError
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch.digit.hand import Hand
 from pcsr_plugins.touch.digit.noise import Noise
@@ -89,8 +89,11 @@ class Digit(TouchSource):
             at_least_area=at_least_area,
             press=press,
             tilt=tilt,
-            policy=policy,
+            policy=policy.part(),
+            tries=policy.tries,
+            spacing=policy.spacing,
         )
+        self.policy_name = policy.use
 
     def touches(self, item: ShapeItem, cloud: Float[np.ndarray, "n 3"], count: int, seed: int) -> list[Touch]:
         """`count` touches, each with a random stream of its own, so that fewer are a prefix of more.
@@ -107,15 +110,17 @@ class Digit(TouchSource):
         rays = MeshRays(item.mesh, self.object_size, item.name)
         self._check_size(rays, item.name)
         seen = (cloud - rays.to_object[:3, 3]) * rays.unit
-        if self.hand.policy.use == "sparse" and not np.isfinite(seen).all():
-            raise UserError(f"{item.name}: its cloud has a coordinate that is not finite: policy 'sparse' needs all")
+        if self.hand.policy.uses_cloud and not np.isfinite(seen).all():
+            raise UserError(
+                f"{item.name}: its cloud has a coordinate that is not finite: policy '{self.policy_name}' needs all"
+            )
         found: list[Touch] = []
         touched = np.zeros((0, 3))
         rngs = [np.random.default_rng((seed, number)) for number in range(count)]
         for number, candidates in enumerate(self.hand.candidates(rays, rngs)):
             touch = self.hand.touch(rays, candidates, seen, touched, rngs[number])
             if not isinstance(touch, Touch):
-                tries = self.hand.policy.tries
+                tries = self.hand.tries
                 raise UserError(
                     f"{item.name}: touch 'digit' found {number} of {count} touches, then none of {tries} "
                     f"candidates would do ({', '.join(f'{times} {why}' for why, times in touch.items())}); at "
@@ -137,6 +142,10 @@ class Digit(TouchSource):
     def pose_error(self, name: str) -> PoseError:
         """Return the deviations of the noise of the poses, which are the same for all objects."""
         return self.hand.noise.expected_pose_error
+
+    def fingertip(self) -> Fingertip:
+        """Return the outline of the sensor."""
+        return self.hand.fingertip
 
     def _check_size(self, rays: MeshRays, name: str) -> None:
         width, height = self.sensor.width, self.sensor.height

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pcsr import Touch
+from pcsr import Fingertip, Policy, Touch, TouchCandidates
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch.digit.candidates import Candidates
 from pcsr_plugins.touch.digit.noise import Noise
-from pcsr_plugins.touch.digit.policies import OPPOSING, PolicyOptions, opposing, order
+from pcsr_plugins.touch.digit.policies import OPPOSING, opposing
 from pcsr_plugins.touch.digit.press import Contact, Finger
 
 AT_ONCE = 1 << 14
@@ -29,7 +29,17 @@ class Hand:
     at_least_area: float | None
     press: tuple[float, float]
     tilt: float
-    policy: PolicyOptions
+    policy: Policy
+    tries: int
+    spacing: float
+
+    @property
+    def fingertip(self) -> Fingertip:
+        """The outline of the sensor, for policies."""
+        sensor = self.finger.sensor
+        area = self.at_least * sensor.pitch**2 if self.at_least_area is None else self.at_least_area
+        sides = (sensor.width, sensor.height)
+        return Fingertip(sensor.name, sides, sensor.housing, sensor.protrusion, self.press, area)
 
     @property
     def rule(self) -> tuple[str, str]:
@@ -40,9 +50,9 @@ class Hand:
 
     def candidates(self, rays: MeshRays, rngs: Sequence[np.random.Generator]) -> Iterator[Candidates]:
         """Candidates of each of several touches; each has a random stream of its own."""
-        group = max(1, AT_ONCE // self.policy.tries)
+        group = max(1, AT_ONCE // self.tries)
         for start in range(0, len(rngs), group):
-            yield from Candidates.draw(rays, self.policy.tries, self.tilt, self.press, rngs[start : start + group])
+            yield from Candidates.draw(rays, self.tries, self.tilt, self.press, rngs[start : start + group])
 
     def touch(
         self,
@@ -64,11 +74,14 @@ class Hand:
         Returns:
             The touch in the object's own frame and unit, or how many candidates were refused for which reason.
         """
-        angles = rng.uniform(0, 2 * np.pi, self.policy.tries)
-        depths = rng.uniform(*self.press, (self.policy.tries, OPPOSING))
+        angles = rng.uniform(0, 2 * np.pi, self.tries)
+        depths = rng.uniform(*self.press, (self.tries, OPPOSING))
         possible = np.flatnonzero(candidates.open)
-        refused = Counter({"behind other parts of the object": self.policy.tries - len(possible)})
-        for k in possible[order(self.policy.use, candidates.points[possible], touched, seen)]:
+        refused = Counter({"behind other parts of the object": self.tries - len(possible)})
+        reachable = TouchCandidates(
+            candidates.points[possible], candidates.frames[possible], candidates.presses[possible], self.fingertip
+        )
+        for k in possible[self.policy.order(reachable, seen, touched)]:
             point, frame = candidates.points[k], candidates.frames[k]
             contact = self.finger.press(rays, point, frame, float(candidates.presses[k]))
             if contact is None:
@@ -78,8 +91,8 @@ class Hand:
                 refused[f"with less contact than {self.rule[1]}"] += 1
                 continue
             contacts = [contact]
-            if self.policy.use == "grasp":
-                starts, axes = opposing(point, frame, self.finger.sensor.housing, self.policy.spacing, float(angles[k]))
+            if self.policy.grasps:
+                starts, axes = opposing(point, frame, self.finger.sensor.housing, self.spacing, float(angles[k]))
                 at = zip(starts, depths[k].tolist(), strict=True)
                 opposite = [self.finger.press(rays, start, axes, depth) for start, depth in at]
                 contacts += [other for other in opposite if other is not None and self._enough(other)]

@@ -1,65 +1,27 @@
-"""Where to touch: in which order the candidates of a touch are tried, and where the fingers of a grasp go."""
+"""Options of the policy, and where the fingers of a grasp go."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from pydantic import Field
-from scipy.spatial import KDTree
 
-from pcsr import Choice
+from pcsr import PartChoice
 
-Policy = Literal["uniform", "spread", "sparse", "grasp"]
-
-NEIGHBOURS = 4
-"""Number of nearest known points whose mean distance is a candidate's sparsity."""
 OPPOSING = 3
 """Fingers that a grasp sets against its thumb."""
 
 
-class PolicyOptions(Choice):
-    """Which candidates are tried first, and how many."""
+class PolicyOptions(PartChoice):
+    """Policy that chooses among the candidates of a touch, with its options, and how many candidates there are."""
 
-    use: Policy = "uniform"
-    """uniform: at random. spread: far from points touched before. sparse: where the cloud and the points touched
-    before are sparsest. grasp: at random, by a thumb and up to three fingers opposite to it; one grasp is one touch."""
+    kind: ClassVar[str] = "policy"
+    use: str = "uniform"
+    """Name of the policy: uniform, spread, sparse, grasp, expected-error, or one of a plugin."""
     spacing: Annotated[float, Field(gt=0, le=1000)] = 20.0
     """Distance between the axes of a grasp's fingers, in mm."""
     tries: Annotated[int, Field(ge=1, le=10_000)] = 100
     """Candidates tried for each touch before giving up."""
-
-
-def order(
-    policy: Policy,
-    candidates: Float[np.ndarray, "p 3"],
-    touched: Float[np.ndarray, "f 3"],
-    seen: Float[np.ndarray, "s 3"],
-) -> Int[np.ndarray, " p"]:
-    """Indices of the candidates, the first to be tried first. All lengths are in one unit.
-
-    Args:
-        policy: "spread": those farthest from touched points first. "sparse": those with the fewest points, touched or
-            seen, around them first. Otherwise the candidates stay as they were drawn, as they do for
-            "spread" before the first touch.
-        candidates: random points of the surface.
-        touched: points of earlier touches.
-        seen: points of the visual cloud.
-    """
-    if policy == "spread":
-        return farthest_first(candidates, touched, 1)
-    if policy == "sparse":
-        return farthest_first(candidates, np.concatenate([seen, touched]), NEIGHBOURS)
-    return np.arange(len(candidates))
-
-
-def farthest_first(
-    candidates: Float[np.ndarray, "p 3"], known: Float[np.ndarray, "k 3"], neighbours: int
-) -> Int[np.ndarray, " p"]:
-    """By the mean distance to the nearest few known points, descending; equals and all without any as they were."""
-    if len(known) == 0 or len(candidates) == 0:
-        return np.arange(len(candidates))
-    distances, _ = KDTree(known).query(candidates, k=list(range(1, min(neighbours, len(known)) + 1)))
-    return np.argsort(-distances.mean(1), kind="stable")
 
 
 def opposing(

@@ -1,0 +1,100 @@
+"""Known surface of an object: the cloud and the touched points, with their spacing and the variation of normals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
+
+from pcsr.errors import UserError
+
+FINEST = 0.5
+"""Side in mm of the cells to which clouds are thinned: finer points do not change the contact of a fingertip."""
+SHARE = 0.6
+"""Side of the cells to which touched points are thinned, in median spacings of the cloud."""
+SPACED = 4
+"""Neighbours whose mean distance is the spacing of a point."""
+AROUND = 8
+"""Neighbours whose normals are compared, and through which a plane is fitted."""
+FEWEST = 16
+"""Smallest number of points of a cloud."""
+
+
+@dataclass(frozen=True)
+class KnownSurface:
+    """Known points in mm, with local properties of the surface."""
+
+    tree: KDTree
+    """All known points."""
+    points: Float[np.ndarray, "n 3"]
+    """Known points, thinned."""
+    thinned: KDTree
+    """The thinned points."""
+    spacing: Float[np.ndarray, " n"]
+    """Mean distance of each thinned point to its neighbours."""
+    normals: Float[np.ndarray, "n 3"]
+    """Unit normals of the thinned points, of either sign."""
+    variation: Float[np.ndarray, " n"]
+    """Mean squared sine of the angle between the normal of each thinned point and those around it: 0 on a plane."""
+    area: float
+    """Area of the surface that the cloud samples, in mm²."""
+
+    @classmethod
+    def of(cls, cloud: Float[np.ndarray, "n 3"], touched: Float[np.ndarray, "f 3"]) -> "KnownSurface":
+        """Describe the surface known from a cloud and from touched points, both in mm.
+
+        Raises:
+            UserError: the cloud has too few distinct points.
+        """
+        seen = thin(cloud, FINEST)
+        if len(seen) < FEWEST:
+            raise UserError(
+                f"the cloud has {len(seen)} points that are {FINEST} mm apart: at least {FEWEST} are needed; is it in "
+                f"another unit than it says?"
+            )
+        distances, _ = KDTree(seen).query(seen, k=SPACED + 1)
+        # The disc to the k-th neighbour holds k points, half of the last on average.
+        area = float(np.pi * (distances[:, -1] ** 2).sum() / SPACED)
+        cell = max(FINEST, SHARE * float(np.median(distances[:, 1:].mean(1))))
+        points = np.concatenate([seen, thin(touched, cell)])
+        tree = KDTree(points)
+        distances, rows = tree.query(points, k=AROUND + 1)
+        normals = plane_normals(points[rows])
+        cosines = np.einsum("nj,nkj->nk", normals, normals[rows[:, 1:]])
+        return cls(
+            tree=KDTree(np.concatenate([cloud, touched])),
+            points=points,
+            thinned=tree,
+            spacing=distances[:, 1 : SPACED + 1].mean(1),
+            normals=normals,
+            variation=1 - (cosines**2).mean(1),
+            area=area,
+        )
+
+
+def thin(points: Float[np.ndarray, "n 3"], cell: float) -> Float[np.ndarray, "k 3"]:
+    """Return the first point in each cell of a grid, in the order of the points.
+
+    Args:
+        points: points, (n 3).
+        cell: side of a cell, in the unit of the points.
+
+    Examples:
+        >>> thin(np.array([[0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [1.5, 0.0, 0.0]]), cell=1.0)
+        array([[0.1, 0. , 0. ],
+               [1.5, 0. , 0. ]])
+    """
+    if len(points) == 0:
+        return np.zeros((0, 3))
+    cells: Int[np.ndarray, "n 3"] = np.floor((points - points.min(0)) / cell).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    kept: Float[np.ndarray, "k 3"] = points[np.sort(first)]
+    return kept
+
+
+def plane_normals(around: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the unit normal of the plane through each set of points, of either sign."""
+    centred = around - around.mean(1, keepdims=True)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
+    normals: Float[np.ndarray, "n 3"] = axes[:, :, 0]
+    return normals

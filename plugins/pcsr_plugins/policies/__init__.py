@@ -1,0 +1,1 @@
+"""Policies: where to touch next."""
