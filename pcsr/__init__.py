@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         Widths,
     )
     from pcsr.data.loader import Loader
-    from pcsr.exploration import NextTouch, next_touches
+    from pcsr.exploration.next import NextTouch, NextTouches, next_touches
     from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
@@ -60,7 +60,7 @@ _HOMES = {
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
     "PartChoice": "pcsr.plugins.part_choice",
-    **dict.fromkeys(("NextTouch", "next_touches"), "pcsr.exploration"),
+    **dict.fromkeys(("NextTouch", "NextTouches", "next_touches"), "pcsr.exploration.next"),
     **dict.fromkeys(("RegisteredTouch", "Registration", "register"), "pcsr.registration"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     "Loader": "pcsr.data.loader",
@@ -102,6 +102,7 @@ __all__ = [
     "Metric",
     "Model",
     "NextTouch",
+    "NextTouches",
     "Objective",
     "Options",
     "PcsrError",

@@ -18,6 +18,7 @@ FLOORS = {
     "pcsr.results": 2,
     "pcsr.run_files": 3,
     "pcsr.upsample": 4,
+    "pcsr.exploration": 4,
     "pcsr.network": 3,
     "pcsr.grafting": 3,
     "pcsr.data": 3,
@@ -75,6 +76,7 @@ SAME_FLOOR = {
     ("pcsr.testing", "pcsr.network"),
 }
 PUBLIC = (
+    "pcsr.exploration",
     "pcsr.geometry",
     "pcsr.metrics",
     "pcsr.tensors",

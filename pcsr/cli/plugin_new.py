@@ -27,10 +27,13 @@ SECTIONS = {
     "metric": "evaluate",
     "baseline": "evaluate",
     "logger": "train",
+    "policy": "data",
 }
 """Each kind of part, and the section of a recipe that names one."""
 LISTED = {"metric": "metrics", "baseline": "baselines", "logger": "loggers"}
 """Kinds that a recipe names in a list, and the key of that list."""
+WITHIN = {"policy": ("touch", "digit")}
+"""Kinds that a recipe names among the options of another part: the key of that part, and a part that has the option."""
 
 LONGEST = 100
 """Greatest length of a part's name in characters."""
@@ -102,6 +105,10 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     values |= {"setting": f"{SECTIONS[kind]}.{kind}={name}", "line": f"{kind}: {{use: {name}}}"}
     if kind in LISTED:
         values |= {"setting": f"'{SECTIONS[kind]}.{LISTED[kind]}=[{name}]'", "line": f"{LISTED[kind]}: [{name}]"}
+    if kind in WITHIN:
+        outer, of = WITHIN[kind]
+        values |= {"setting": f"{SECTIONS[kind]}.{outer}.{kind}={name}"}
+        values |= {"line": f"{outer}: {{use: {of}, {kind}: {name}}}"}
     source = _template(f"{kind}.py.txt")
     if keyword.iskeyword(module) or keyword.iskeyword(part) or part in _names(source.substitute(values, part="_")):
         raise UserError(f"name '{name}': module {module} or class {part} has another meaning: choose another")

@@ -13,7 +13,7 @@ from pcsr.exploration.surface import KnownSurface
 SMOOTH, CURVED = 0.07, 0.55
 """What a touch takes off per squared distance of the surface from the nearest known point, on a plane, and per
 variation of the normals beside it: `python benchmarks/expected_gain.py` fits both on training parts."""
-ERROR_SMOOTH, ERROR_CURVED = 0.3, 1.0
+ERROR_SMOOTH, ERROR_CURVED = 0.13, 0.43
 """The same of the whole error of the upsampled cloud."""
 SEEN, HIDDEN = 1.5, 3.0
 """Distances from the nearest known point, in spacings there. Up to the first an upsampler completes the surface; from

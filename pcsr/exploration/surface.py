@@ -8,8 +8,8 @@ from scipy.spatial import KDTree
 
 from pcsr.errors import UserError
 
-FINEST = 0.5
-"""Side in mm of the cells to which clouds are thinned: finer points do not change the contact of a fingertip."""
+FINEST = 1.0
+"""Clouds of a smaller median spacing, in mm, are thinned to cells of this side: finer points hardly change a contact."""
 SHARE = 0.6
 """Side of the cells to which touched points are thinned, in median spacings of the cloud."""
 SPACED = 4
@@ -46,11 +46,13 @@ class KnownSurface:
         Raises:
             UserError: the cloud has too few distinct points.
         """
-        seen = thin(cloud, FINEST)
+        seen = np.unique(cloud, axis=0)
+        if len(seen) >= FEWEST and _median_spacing(seen) < FINEST:
+            seen = thin(seen, FINEST)
         if len(seen) < FEWEST:
             raise UserError(
-                f"the cloud has {len(seen)} points that are {FINEST} mm apart: at least {FEWEST} are needed; is it in "
-                f"another unit than it says?"
+                f"the cloud has {len(seen)} distinct points, {FINEST} mm apart: at least {FEWEST} are needed; is its "
+                f"unit right?"
             )
         distances, _ = KDTree(seen).query(seen, k=SPACED + 1)
         # The disc to the k-th neighbour holds k points, half of the last on average.
@@ -70,6 +72,11 @@ class KnownSurface:
             variation=1 - (cosines**2).mean(1),
             area=area,
         )
+
+
+def _median_spacing(points: Float[np.ndarray, "n 3"]) -> float:
+    some = points[:: max(1, len(points) // 2048)]
+    return float(np.median(KDTree(points).query(some, k=SPACED + 1)[0][:, 1:].mean(1)))
 
 
 def thin(points: Float[np.ndarray, "n 3"], cell: float) -> Float[np.ndarray, "k 3"]:

@@ -1,7 +1,7 @@
 """Option of a part that names a part of another kind, such as the policy of a touch source."""
 
 import json
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, PrivateAttr
 from pydantic_core import CoreSchema
@@ -22,10 +22,9 @@ class PartChoice(Choice):
         ...     kind = "policy"
         ...     use: str = "uniform"
         ...     tries: int = 100
-        >>> options = PolicyOptions.model_validate({"use": "sparse", "neighbours": 2})
-        >>> options.part_options
-        {'neighbours': 2}
-        >>> type(options.part()).__name__
+        >>> PolicyOptions.model_validate({"use": "mine", "weight": 2}).part_options
+        {'weight': 2}
+        >>> type(PolicyOptions.model_validate("sparse").part()).__name__
         'Sparse'
     """
 
@@ -50,13 +49,13 @@ class PartChoice(Choice):
         with guarded(f"the constructor of {self.kind} '{self.use}'"):
             return part(**self.part_options)
 
-    def with_registry(self, registry: Registry) -> Self:
+    def with_registry(self, registry: Registry) -> "PartChoice":
         """Return a copy that builds its part from a registry."""
         copy = self.model_copy()
         copy._registry = registry
         return copy
 
-    def completed(self, model: type[BaseModel]) -> Self:
+    def completed(self, model: type[BaseModel]) -> "PartChoice":
         """Return a copy with all options of the part, checked by their model.
 
         Raises:

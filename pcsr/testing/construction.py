@@ -149,5 +149,6 @@ TRAITS: dict[str, frozenset[Trait]] = {
     "metric": frozenset(),
     "baseline": frozenset(),
     "logger": frozenset(),
+    "policy": frozenset(),
 }
 """Traits that parts of each kind can claim."""

@@ -14,6 +14,7 @@ from pcsr.testing import (
     loggers,
     objectives,
     objects,
+    policies,
     touching,
     upsamplers,
 )
@@ -83,6 +84,13 @@ OF_KIND: dict[str, Checks] = {
         "interrupted": loggers.interrupted,
         "leaves-values": loggers.leaves_values,
         "leaves-random-numbers": loggers.leaves_random_numbers,
+    },
+    "policy": {
+        "scores": policies.scores,
+        "repeatable": policies.repeatable,
+        "few-points": policies.few_points,
+        "expects-gains": policies.expects_gains,
+        "leaves-clouds": policies.leaves_clouds,
     },
 }
 

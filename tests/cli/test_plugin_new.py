@@ -15,7 +15,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pcsr.cli import pcsr
-from pcsr.cli.plugin_new import LISTED, NAME, SECTIONS, distribution
+from pcsr.cli.plugin_new import LISTED, NAME, SECTIONS, WITHIN, distribution
 from pcsr.errors import UserError
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import KINDS
@@ -30,7 +30,8 @@ def new(tmp_path, monkeypatch):
 
 def test_every_kind_can_be_written_and_is_named_where_a_recipe_names_it():
     assert list(SECTIONS) == list(KINDS)
-    wanted = {(section, LISTED.get(kind, kind)) for kind, section in SECTIONS.items()}
+    keys = {kind: WITHIN[kind][0] if kind in WITHIN else LISTED.get(kind, kind) for kind in SECTIONS}
+    wanted = {(section, keys[kind]) for kind, section in SECTIONS.items()}
     assert wanted <= PARTS.keys() | NAMES.keys() | PART_LISTS.keys()
 
 
@@ -76,6 +77,9 @@ def test_what_pip_is_told_fits_the_files(kind):
     assert project_file["build-system"] == ours["build-system"]
     assert not [file for file, text in files.items() if "$" in text]
     line = f"{LISTED[kind]}: [my-part]" if kind in LISTED else f"{kind}: {{use: my-part}}"
+    if kind in WITHIN:
+        outer, of = WITHIN[kind]
+        line = f"{outer}: {{use: {of}, {kind}: my-part}}"
     assert f"{SECTIONS[kind]}:\n  {line}" in files["README.md"]
 
 

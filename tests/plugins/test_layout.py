@@ -16,6 +16,7 @@ FOLDERS = {
     "touch": "touch",
     "shapes": "shapes",
     "baseline": "baselines",
+    "policy": "policies",
 }
 PLUGINS = Path(__file__).parents[2] / "plugins" / "pcsr_plugins"
 ENTRIES = [entry for entry in load_plugins() if entry.owner == "pcsr" and entry.kind not in ("metric", "logger")]

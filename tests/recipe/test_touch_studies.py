@@ -59,7 +59,10 @@ def test_vision(rows):
 
 @pytest.mark.parametrize(
     ("study", "policies", "sampling"),
-    [("occlusion", ("sparse", "uniform"), "view"), ("policy", ("uniform", "spread", "sparse", "grasp"), "random")],
+    [
+        ("occlusion", ("sparse", "uniform", "expected-error"), "view"),
+        ("policy", ("uniform", "spread", "sparse", "grasp", "expected-error"), "random"),
+    ],
 )
 def test_policies_over_touches(rows, study, policies, sampling):
     varied = [(r.data.touch.options["policy"].use, r.data.touches) for r in rows[study]]

@@ -11,6 +11,7 @@ from pcsr import (
     Fusion,
     Logger,
     Objective,
+    Policy,
     ShapeItem,
     ShapeSource,
     Touch,
@@ -146,6 +147,13 @@ class Notes(Logger):
             file.write(f"{step} {dict(values)}\n")
 
 
+class Far(Policy):
+    """The distance to the middle of all known points."""
+
+    def scores(self, candidates, cloud, touched):
+        return np.linalg.norm(candidates.points - np.concatenate([cloud, touched]).mean(0), axis=1)
+
+
 SOUND = {
     "encoder": Lift,
     "fusion": Attend,
@@ -155,4 +163,5 @@ SOUND = {
     "touch": Pats,
     "shapes": Boxes,
     "logger": Notes,
+    "policy": Far,
 }

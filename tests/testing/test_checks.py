@@ -8,10 +8,16 @@ from torch import nn
 from pcsr import Trait, Upsampler, UserError
 from pcsr.testing import Check, CheckFailed, Outcome, Skipped, check_part, checks_for, learning
 from pcsr.testing.stop_gradient import slopes
-from tests.testing import broken_construction, broken_data, broken_loggers, broken_network
+from tests.testing import broken_construction, broken_data, broken_loggers, broken_network, broken_policies
 from tests.testing.parts import SOUND, Attend, Boxes, Copy, Join, Lift, Pats, Refine, Squares
 
-BROKEN = [*broken_construction.BROKEN, *broken_network.BROKEN, *broken_data.BROKEN, *broken_loggers.BROKEN]
+BROKEN = [
+    *broken_construction.BROKEN,
+    *broken_network.BROKEN,
+    *broken_data.BROKEN,
+    *broken_loggers.BROKEN,
+    *broken_policies.BROKEN,
+]
 
 
 class OneBox(Pats):

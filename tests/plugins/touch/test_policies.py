@@ -3,37 +3,52 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcsr_plugins.touch.digit.policies import NEIGHBOURS, OPPOSING, farthest_first, opposing, order
+from pcsr import Fingertip, TouchCandidates
+from pcsr.exploration import mean_distances
+from pcsr.plugins.loading import load_plugins
+from pcsr.testing import check_part
+from pcsr_plugins.policies.sparse import NEIGHBOURS
+from pcsr_plugins.touch.digit.policies import OPPOSING, PolicyOptions, opposing
 
 NOTHING = np.zeros((0, 3))
+TIP = Fingertip("digit", (16.0, 12.0), (27.0, 18.0), 2.0)
+POLICIES = ["uniform", "spread", "sparse", "grasp"]
 
 
 def cloud(count, seed=0):
     return np.random.default_rng(seed).normal(size=(count, 3))
 
 
+def order(policy, points, touched, seen):
+    candidates = TouchCandidates(points, np.stack([np.eye(3)] * len(points)), np.ones(len(points)), TIP)
+    return PolicyOptions(use=policy).part().order(candidates, seen, touched)
+
+
+@pytest.mark.parametrize("policy", [*POLICIES, "expected-error"])
+def test_policies_keep_the_contract(policy):
+    outcomes = check_part(load_plugins().get("policy", policy))
+    assert [one for one in outcomes if one.result == "failed"] == []
+
+
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 30), st.integers(1, 12), st.integers(1, 5), st.integers(0, 99))
-def test_farthest_first_agrees_with_all_distances(candidates, known, neighbours, seed):
-    at, about = cloud(candidates, seed), cloud(known, seed + 100)
+@given(st.integers(1, 30), st.integers(1, 12), st.integers(1, 5), st.integers(0, 99))
+def test_mean_distances_agree_with_all_distances(points, known, neighbours, seed):
+    at, about = cloud(points, seed), cloud(known, seed + 100)
     all_distances = np.sort(np.linalg.norm(at[:, None] - about[None], axis=-1), axis=1)
-    means = all_distances[:, :neighbours].mean(1)
-    found = farthest_first(at, about, neighbours)
-    assert sorted(found) == list(range(candidates))
-    np.testing.assert_allclose(means[found], np.sort(means)[::-1])
+    np.testing.assert_allclose(mean_distances(at, about, neighbours), all_distances[:, :neighbours].mean(1))
 
 
-def test_equal_places_stay_in_the_order_in_which_they_were_drawn():
+def test_equal_candidates_stay_in_the_order_in_which_they_were_drawn():
     at = np.tile([[1.0, 0, 0], [3.0, 0, 0]], (5, 1))
-    assert list(farthest_first(at, np.zeros((1, 3)), 1)) == [1, 3, 5, 7, 9, 0, 2, 4, 6, 8]
+    assert list(order("spread", at, np.zeros((1, 3)), NOTHING)) == [1, 3, 5, 7, 9, 0, 2, 4, 6, 8]
 
 
-@pytest.mark.parametrize("policy", ["uniform", "spread", "sparse", "grasp"])
-def test_who_knows_nothing_keeps_the_order(policy):
+@pytest.mark.parametrize("policy", POLICIES)
+def test_without_known_points_the_order_is_kept(policy):
     assert list(order(policy, cloud(6), NOTHING, NOTHING)) == list(range(6))
 
 
-def test_policies_hear_what_they_should():
+def test_policies_use_the_points_that_they_should():
     candidates = np.array([[float(x), 0, 0] for x in range(10)])
     touched, seen = np.array([[0.0, 0, 0]]), np.array([[9.0, 0, 0]])
     for policy in ("uniform", "grasp"):
@@ -51,7 +66,6 @@ def test_sparse_looks_at_more_than_the_nearest_point():
     candidates = np.array([[0.0, 0, 0], [10.0, 0.1, 0]])
     assert NEIGHBOURS > 1
     assert list(order("sparse", candidates, stray, crowd)) == [1, 0]
-    assert list(farthest_first(candidates, np.concatenate([crowd, stray]), NEIGHBOURS)) == [1, 0]
 
 
 @pytest.mark.parametrize("housing", [(27.0, 18.0), (20.0, 30.0), (28.0, 28.0)])
