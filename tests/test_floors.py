@@ -18,7 +18,7 @@ FLOORS = {
     "pcsr.results": 2,
     "pcsr.run_files": 3,
     "pcsr.upsample": 4,
-    "pcsr.exploration": 4,
+    "pcsr.exploration": 6,
     "pcsr.network": 3,
     "pcsr.grafting": 3,
     "pcsr.data": 3,

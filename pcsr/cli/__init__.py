@@ -48,7 +48,7 @@ COMMANDS = {
     "figures": BuiltIn("pcsr.cli.figures:figures", "Draw the figures of finished runs as PNG files."),
     "data": BuiltIn("pcsr.cli.data:data", "Build and inspect data sets of clouds and touches."),
     "register": BuiltIn("pcsr.cli.register:register", "Register touches to a cloud and report the error of the arm."),
-    "touch": BuiltIn("pcsr.cli.touch:touch", "Simulate touches on a mesh and write them as a recording."),
+    "touch": BuiltIn("pcsr.cli.touch:touch", "Find where to touch next, and simulate touches on a mesh."),
     "recorded": BuiltIn("pcsr.cli.recorded:recorded", "Check recordings of touches, and import them from ROS bags."),
     "sensor": BuiltIn("pcsr.cli.sensor:sensor", "Calibrate camera-based tactile sensors and read their images."),
     "recipe": BuiltIn("pcsr.cli.recipe:recipe", "Check, show and describe recipes."),

@@ -38,7 +38,7 @@ class Fingertip:
 class TouchCandidates:
     """Poses among which a policy chooses, in mm, in the frame of the cloud.
 
-    Their points are drawn evenly from the surface: in simulation the true one, otherwise the one guessed from the cloud.
+    In simulation they are drawn from the true surface, otherwise from the one guessed from the cloud.
 
     Examples:
         >>> tip = pcsr.Fingertip("digit", (16.0, 12.0), (27.0, 18.0), 2.0)
@@ -55,6 +55,8 @@ class TouchCandidates:
     """Depth to which the finger is pressed."""
     fingertip: Fingertip
     """Outline of the sensor."""
+    surface: Float[np.ndarray, "s 3"] | None = None
+    """Points drawn evenly from the surface on which the candidates are; None: those of the candidates are."""
 
     def __len__(self) -> int:
         return len(self.points)

@@ -238,7 +238,11 @@ def _chosen(
 
 def _subset(candidates: TouchCandidates, rows: Any) -> TouchCandidates:
     return TouchCandidates(
-        candidates.points[rows], candidates.frames[rows], candidates.presses[rows], candidates.fingertip
+        candidates.points[rows],
+        candidates.frames[rows],
+        candidates.presses[rows],
+        candidates.fingertip,
+        candidates.points if candidates.surface is None else candidates.surface,
     )
 
 

@@ -14,11 +14,18 @@ class ExpectedError(Policy):
         self, candidates: TouchCandidates, cloud: Float[np.ndarray, "n 3"], touched: Float[np.ndarray, "f 3"]
     ) -> Float[np.ndarray, " p"]:
         """Return what each touch is expected to take off the Chamfer distance, in mm²."""
-        expectation = Expectation.of(candidates.points, cloud, touched)
+        expectation = _expectation(candidates, cloud, touched)
         return np.array([expectation.gain(contact) for contact in expectation.contacts(candidates)])
 
     def error(
         self, candidates: TouchCandidates, cloud: Float[np.ndarray, "n 3"], touched: Float[np.ndarray, "f 3"]
     ) -> float:
         """Return the expected Chamfer distance before the touch, in mm²."""
-        return Expectation.of(candidates.points, cloud, touched).error()
+        return _expectation(candidates, cloud, touched).error()
+
+
+def _expectation(
+    candidates: TouchCandidates, cloud: Float[np.ndarray, "n 3"], touched: Float[np.ndarray, "f 3"]
+) -> Expectation:
+    surface = candidates.points if candidates.surface is None else candidates.surface
+    return Expectation.of(surface, cloud, touched)
