@@ -84,7 +84,8 @@ def measure(item: ShapeItem, name: str, data: Data, tries: int, seed: int, model
 
     source.touches = touches  # type: ignore[method-assign]
     sample = make_sample(item, source, data, TOUCHES, seed)
-    assert model.network is not None and model.recipe is not None
+    assert model.network is not None
+    assert model.recipe is not None
     plain = distance(upsample_as(model.recipe, model.network, sample.points), sample.truth)
     touched = distance(upsample_as(model.recipe, model.network, sample.points, list(sample.touches)), sample.truth)
     into.before.append(1e3 * plain)
@@ -119,7 +120,9 @@ def cells(name: str, one: Measured) -> list[str]:
 @click.option("--parts", default=24, show_default=True)
 @click.option("--seeds", default=3, show_default=True)
 @click.option("--one-side", is_flag=True)
-@click.option("--tries", default=400, show_default=True, help="Candidates of policies that expect gains; of others 100.")
+@click.option(
+    "--tries", default=400, show_default=True, help="Candidates of policies that expect gains; of others 100."
+)
 @click.option("--policy", "policies", multiple=True, default=("uniform", "sparse", "expected-error"), show_default=True)
 def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policies: tuple[str, ...]) -> None:
     """Print the table."""
@@ -142,7 +145,15 @@ def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policie
             for name, into in trial.items():  # a part that one policy cannot touch is left out of all
                 for key in ("before", "after", "expected"):
                     getattr(found[name], key).extend(getattr(into, key))
-    heads = ["policy", "cd ×10³ without touch", "with touches", "change", "expected / measured", "of shares", "within 1.5"]
+    heads = [
+        "policy",
+        "cd ×10³ without touch",
+        "with touches",
+        "change",
+        "expected / measured",
+        "of shares",
+        "within 1.5",
+    ]
     seen = "one camera" if one_side else "512 random points"
     show(heads, [cells(name, one) for name, one in found.items()], f"{seen}, {TOUCHES} touches, {split} parts")
 

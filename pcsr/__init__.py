@@ -37,7 +37,8 @@ if TYPE_CHECKING:
         Widths,
     )
     from pcsr.data.loader import Loader
-    from pcsr.exploration.next import NextTouch, NextTouches, next_touches
+    from pcsr.exploration.choosing import NextTouch, NextTouches
+    from pcsr.exploration.next import next_touches
     from pcsr.export import export_onnx, export_weights
     from pcsr.grafting import Grafted, graft
     from pcsr.metrics.one_cloud import evaluate
@@ -60,7 +61,8 @@ _HOMES = {
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
     "PartChoice": "pcsr.plugins.part_choice",
-    **dict.fromkeys(("NextTouch", "NextTouches", "next_touches"), "pcsr.exploration.next"),
+    **dict.fromkeys(("NextTouch", "NextTouches"), "pcsr.exploration.choosing"),
+    "next_touches": "pcsr.exploration.next",
     **dict.fromkeys(("RegisteredTouch", "Registration", "register"), "pcsr.registration"),
     **dict.fromkeys(("Grafted", "graft"), "pcsr.grafting"),
     "Loader": "pcsr.data.loader",
@@ -105,8 +107,8 @@ __all__ = [
     "NextTouches",
     "Objective",
     "Options",
-    "PcsrError",
     "PartChoice",
+    "PcsrError",
     "PcsrWarning",
     "Policy",
     "PoseError",

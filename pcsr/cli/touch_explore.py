@@ -37,14 +37,29 @@ if TYPE_CHECKING:
     help="Longest side of the object in mm; null if the mesh is in mm.",
 )
 @click.option(
-    "--points", type=click.IntRange(64, 65_536), default=512, show_default=True, metavar="N", help="Points of the cloud."
+    "--points",
+    type=click.IntRange(64, 65_536),
+    default=512,
+    show_default=True,
+    metavar="N",
+    help="Points of the cloud.",
 )
 @click.option("--one-side", is_flag=True, help="Let one camera see the object, so that a side is hidden.")
-@click.option("--tries", type=click.IntRange(1, 10_000), default=400, show_default=True, metavar="N",
-              help="Candidates of each touch.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N", help="Seed of cloud and touches.")
+@click.option(
+    "--tries",
+    type=click.IntRange(1, 10_000),
+    default=400,
+    show_default=True,
+    metavar="N",
+    help="Candidates of each touch.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N", help="Seed of cloud and touches."
+)
 @click.option("--model", default=None, metavar="NAME", shell_complete=complete_weights, help="Model.  [default: field]")
-@click.option("-o", "--out", type=FILE, default=None, metavar="FILE", help="Draw the error over the touches: a .png file.")
+@click.option(
+    "-o", "--out", type=FILE, default=None, metavar="FILE", help="Draw the error over the touches: a .png file."
+)
 @plugin_option
 def explore(
     mesh: Path,

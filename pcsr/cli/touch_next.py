@@ -10,7 +10,7 @@ from pcsr.cli.options import FILE, columns_option, complete_part, plugin_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
-    from pcsr.exploration.next import NextTouches
+    from pcsr.exploration.choosing import NextTouches
     from pcsr.plugins.registry import Registry
 
 
@@ -37,7 +37,9 @@ class _Unit(click.ParamType[float]):
 @click.argument("cloud", type=FILE)
 @click.option("--touch", "folder", type=FILE, default=None, metavar="DIR", help="Folder of the touches so far.")
 @click.option("--touch-as-is", "as_is", is_flag=True, help="Use the touches where they were reported.")
-@click.option("--count", type=click.IntRange(1, 100), default=5, show_default=True, metavar="N", help="Number of poses.")
+@click.option(
+    "--count", type=click.IntRange(1, 100), default=5, show_default=True, metavar="N", help="Number of poses."
+)
 @click.option(
     "-o",
     "--out",
@@ -59,8 +61,11 @@ class _Unit(click.ParamType[float]):
     help="Policy that chooses among the poses.",
 )
 @click.option(
-    "--unit", type=_Unit(), default=None, metavar="UNIT", help="Unit of the cloud: mm, m, or its length in mm.  "
-    "[default: that of the touches, else mm]",
+    "--unit",
+    type=_Unit(),
+    default=None,
+    metavar="UNIT",
+    help="Unit of the cloud: mm, m, or its length in mm.  [default: that of the touches, else mm]",
 )
 @click.option(
     "--candidates",
@@ -74,7 +79,9 @@ class _Unit(click.ParamType[float]):
     "--frame", default="object", show_default=True, metavar="NAME", help="Frame of the cloud, for ROS in the JSON file."
 )
 @columns_option
-@click.option("--format", "suffix", default=None, help="Format of CLOUD, whatever its suffix.  [default: by the suffix]")
+@click.option(
+    "--format", "suffix", default=None, help="Format of CLOUD, whatever its suffix.  [default: by the suffix]"
+)
 @plugin_option
 def next_(
     cloud: Path,

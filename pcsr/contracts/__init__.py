@@ -9,8 +9,8 @@ encoder (TAPSR, Sec. 3.1, Fig. 1)::
 
 `pcsr.contracts.network` holds the four kinds of network part and `Objective`, which trains a network;
 `pcsr.contracts.sources` the two kinds that build data; `pcsr.contracts.evaluation` metrics and baselines;
-`pcsr.contracts.policy` what
-chooses where to touch next; `pcsr.contracts.logger` what records a training; `pcsr.contracts.part` what all kinds have in common.
+`pcsr.contracts.policy` what chooses where to touch next; `pcsr.contracts.logger` what records a training;
+`pcsr.contracts.part` what all kinds have in common.
 """
 
 from pcsr.contracts.evaluation import Baseline, Metric

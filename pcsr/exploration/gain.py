@@ -45,17 +45,17 @@ class Density:
 
     def seen(self) -> Float[np.ndarray, " p"]:
         """Return the density of surface that the cloud shows around the points, in mm²."""
-        return self.squared * self.share * (1 - self._hidden(self.squared))
+        density: Float[np.ndarray, " p"] = self.squared * self.share * (1 - self._hidden(self.squared))
+        return density
 
     def hidden(self, squared: Float[np.ndarray, " p"] | None = None) -> Float[np.ndarray, " p"]:
         """Return the density of hidden surface in mm², at given squared distances or those to the known points."""
         squared = self.squared if squared is None else squared
-        return squared * self._hidden(squared)
+        density: Float[np.ndarray, " p"] = squared * self._hidden(squared)
+        return density
 
     def _hidden(self, squared: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        hidden: Float[np.ndarray, " p"] = np.clip(
-            (np.sqrt(squared) / self.spacing - SEEN) / (HIDDEN - SEEN), 0, 1
-        )
+        hidden: Float[np.ndarray, " p"] = np.clip((np.sqrt(squared) / self.spacing - SEEN) / (HIDDEN - SEEN), 0, 1)
         return hidden
 
 

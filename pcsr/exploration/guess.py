@@ -72,7 +72,7 @@ def hidden_surface(
 
 def _outwards(known: KnownSurface, rows: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
     """Return the normals of known points on the side with fewer known points above them, or away from the centroid."""
-    normals = known.normals[rows].copy()
+    normals: Float[np.ndarray, "k 3"] = known.normals[rows].copy()
     away = np.einsum("kj,kj->k", normals, known.points[rows] - known.points.mean(0)) >= 0
     for k, row in enumerate(rows.tolist()):
         relative = known.points - known.points[row]

@@ -1,77 +1,27 @@
 """Poses at which the next touches are expected to lower the error of an upsampled cloud most."""
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
 from pcsr.clouds.faults import ScreenedCloud, screen
 from pcsr.clouds.touch import Touch
-from pcsr.contracts import Fingertip, Policy, TouchCandidates
+from pcsr.contracts import Fingertip, Policy
 from pcsr.errors import UserError
-from pcsr.exploration.contact import ContactModel, ExpectedContact
-from pcsr.exploration.guess import guessed_candidates
-from pcsr.exploration.reach import reachable
-from pcsr.exploration.surface import KnownSurface
+from pcsr.exploration.choosing import NextTouches, choose
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Registry
 from pcsr.touches import GivenTouches, TouchesLike
 
 CANDIDATES = 160
 """Points of the surface at which candidates are drawn by default."""
-APART = 0.5
-"""Least distance between two poses, in shorter sides of the gel."""
-TOUCHED = 1.5
-"""A cell of the gel this near to a touched point is touched already, in mm."""
-LEAST_GAIN = 0.002
-"""A touch that is expected to take off a smaller share of the error is not proposed."""
 LONGEST = 100_000.0
 """Length in mm above which a cloud is hardly touched by a fingertip: it must be in another unit."""
-
-
-@dataclass(frozen=True)
-class NextTouch:
-    """Pose at which the finger should touch next."""
-
-    pose: Float[np.ndarray, "4 4"]
-    """From mm in the frame of the sensor to the frame and unit of the cloud, as `Touch.poses`: its origin is where the
-    centre of the unpressed face comes to rest, and the finger approaches along its -z axis."""
-    gain: float | None
-    """What the touch is expected to take off the Chamfer distance, in mm²; None if the policy does not expect any."""
-    share: float | None
-    """The same as a share of the expected Chamfer distance before the first of the touches."""
-    contact_area: float
-    """Expected contact in mm²."""
-    guessed: bool
-    """Whether the pose is on a side of which the cloud shows nothing, so that the surface there is a guess."""
-
-
-@dataclass(frozen=True)
-class NextTouches(Sequence[NextTouch]):
-    """Poses to touch in this order."""
-
-    touches: tuple[NextTouch, ...]
-    error: float | None
-    """Expected Chamfer distance before these touches, in mm²; None if the policy does not expect any."""
-    reason: str
-    """Why there are fewer poses than were asked for; empty if there are not."""
-    unit: float
-    """Unit of the cloud in mm."""
-    fingertip: Fingertip
-
-    def __len__(self) -> int:
-        return len(self.touches)
-
-    def __getitem__(self, index: Any) -> Any:
-        return self.touches[index]
-
-    def __iter__(self) -> Iterator[NextTouch]:
-        return iter(self.touches)
 
 
 def next_touches(
@@ -137,7 +87,7 @@ def next_touches(
     seen = (points - middle) * scale
     touched = [(one - middle) * scale for one in given.points(0)]
     _check_size(seen, fingertip, unit)
-    found = _chosen(seen, touched, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
+    found = choose(seen, touched, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
     to_cloud = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
     to_cloud[:3, 3] = middle
     moved = tuple(replace(one, pose=to_cloud @ one.pose) for one in found.touches)
@@ -186,90 +136,3 @@ def _check_size(seen: Float[np.ndarray, "n 3"], fingertip: Fingertip, unit: floa
         f"the cloud is {size:.3g} mm long, {side} the gel of sensor '{fingertip.name}' ({gel} mm): {remedy}, or take a "
         f"sensor that fits"
     )
-
-
-def _chosen(
-    seen: Float[np.ndarray, "n 3"],
-    touched: list[Float[np.ndarray, "m 3"]],
-    count: int,
-    fingertip: Fingertip,
-    policy: Policy,
-    tries: int,
-    rng: np.random.Generator,
-    advance: Callable[[int, int], None],
-) -> NextTouches:
-    """Choose poses one after the other, all in mm."""
-    before = np.concatenate([np.zeros((0, 3)), *touched])
-    known = KnownSurface.of(seen, before)
-    candidates, guessed = guessed_candidates(known, tries, fingertip, rng)
-    model = ContactModel.of(np.concatenate([known.points, candidates.points[guessed]]))
-    possible = reachable(candidates, model)
-    usable, contacts = _subset(candidates, possible.rows), possible.contacts
-    total = policy.error(candidates, seen, before) if len(usable) else None
-    free = np.array([_is_new(contact, known, before) for contact in contacts], bool)
-    chosen: list[NextTouch] = []
-    stopped = ""
-    while len(chosen) < count and free.any():
-        rows = np.flatnonzero(free)
-        scores = policy.checked_scores(usable, seen, before)
-        row = int(rows[scores[rows].argmax()])
-        gain = None if total is None else float(scores[row])
-        if total is not None and gain is not None and gain <= LEAST_GAIN * total:
-            stopped = f"a further touch is expected to take less than {LEAST_GAIN:.1%} off the error"
-            break
-        contact = contacts[row]
-        chosen.append(
-            NextTouch(
-                pose=_pose(usable, row, contact),
-                gain=gain,
-                share=min(1.0, gain / total) if gain is not None and total else None,
-                contact_area=contact.area,
-                guessed=bool(guessed[possible.rows[row]]),
-            )
-        )
-        likely = contact.points[contact.probability > 0.5]
-        before = np.concatenate([before, likely if len(likely) else contact.points])
-        away = np.linalg.norm(usable.points - usable.points[row], axis=1)
-        free &= away >= APART * min(fingertip.gel)
-        advance(len(chosen), count)
-    reason = "" if len(chosen) == count else stopped or _reason(possible.refused, len(usable), len(chosen), contacts)
-    return NextTouches(tuple(chosen), total, reason, 1.0, fingertip)
-
-
-def _subset(candidates: TouchCandidates, rows: Any) -> TouchCandidates:
-    return TouchCandidates(
-        candidates.points[rows],
-        candidates.frames[rows],
-        candidates.presses[rows],
-        candidates.fingertip,
-        candidates.points if candidates.surface is None else candidates.surface,
-    )
-
-
-def _is_new(contact: ExpectedContact, known: KnownSurface, touched: Float[np.ndarray, "f 3"]) -> bool:
-    """Return whether more than half of an expected contact is not touched yet."""
-    if len(touched) == 0:
-        return True
-    from scipy.spatial import KDTree
-
-    near = np.isfinite(KDTree(touched).query(contact.points, distance_upper_bound=TOUCHED)[0])
-    return float((contact.probability * near).sum()) < 0.5 * float(contact.probability.sum())
-
-
-def _pose(candidates: TouchCandidates, row: int, contact: ExpectedContact) -> Float[np.ndarray, "4 4"]:
-    """Return the pose of the sensor where its face comes to rest."""
-    frame = candidates.frames[row]
-    pose = np.eye(4)
-    pose[:3, :3] = frame
-    pose[:3, 3] = candidates.points[row] + frame[:, 2] * (contact.top - candidates.presses[row])
-    return pose
-
-
-def _reason(refused: Counter[str], usable: int, chosen: int, contacts: list[ExpectedContact]) -> str:
-    if usable == 0:
-        total = sum(refused.values())
-        why = ", ".join(f"{times} {reason}" for reason, times in refused.most_common())
-        return f"none of {total} poses can be reached ({why})"
-    if chosen == 0:
-        return "the touches cover every surface that can be reached"
-    return "all further poses that can be reached are next to one of these or are touched already"

@@ -9,7 +9,8 @@ from scipy.spatial import KDTree
 from pcsr.errors import UserError
 
 FINEST = 1.0
-"""Clouds of a smaller median spacing, in mm, are thinned to cells of this side: finer points hardly change a contact."""
+"""Clouds of a smaller median spacing, in mm, are thinned to cells of this side: finer points
+hardly change a contact."""
 SHARE = 0.6
 """Side of the cells to which touched points are thinned, in median spacings of the cloud."""
 SPACED = 4

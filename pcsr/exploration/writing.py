@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import cloud_bytes
 from pcsr.errors import UserError
-from pcsr.exploration.next import NextTouch, NextTouches
+from pcsr.exploration.choosing import NextTouch, NextTouches
 from pcsr.files import write_bytes, write_text
 
 SUFFIXES = (".json", ".ply")
@@ -91,7 +91,7 @@ def as_cloud(found: NextTouches) -> Cloud:
     normals = poses[:, :3, 2] * found.unit
     gains = np.array([np.nan if touch.gain is None else touch.gain for touch in found], np.float64)
     shares = np.array([np.nan if touch.share is None else 100 * touch.share for touch in found], np.float64)
-    columns = {
+    columns: dict[str, np.ndarray] = {
         **{name: normals[:, k] for k, name in enumerate(("nx", "ny", "nz"))},
         "gain_mm2": gains,
         "gain_percent": shares,

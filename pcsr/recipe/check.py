@@ -234,7 +234,9 @@ def _code(data: dict[str, Any], registry: Registry, parts: Collection[Keys]) -> 
                 if inner is not None and inner.code is not None:
                     code[f"{location}.{option}"] = inner.code
         if keys not in parts and isinstance(written, dict):
-            code |= {key: one for key, one in written.items() if key.startswith(f"{location}.") and isinstance(one, str)}
+            code |= {
+                key: one for key, one in written.items() if key.startswith(f"{location}.") and isinstance(one, str)
+            }
     if is_graft(data):
         location = ".".join(map(str, NETWORK_KEYS))
         known = network_code(data, registry) if NETWORK_PART in parts else (written or {}).get(location)

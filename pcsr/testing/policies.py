@@ -24,7 +24,8 @@ def scene(points: int = SEEN, candidates: int = CANDIDATES, touched: int = TOUCH
 
     def directions(count: int) -> Float[np.ndarray, "count 3"]:
         drawn = rng.normal(size=(count, 3))
-        return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+        unit: Float[np.ndarray, "count 3"] = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+        return unit
 
     seen = directions(points)
     seen[:, 2] = np.abs(seen[:, 2])
@@ -89,9 +90,7 @@ def leaves_clouds(subject: Subject) -> None:
     """The candidates and the clouds are not changed."""
     given, before = scene(), scene()
     _scored(subject, given)
-    arrays, copies = (
-        (one[0].points, one[0].frames, one[0].presses, one[1], one[2]) for one in (given, before)
-    )
+    arrays, copies = ((one[0].points, one[0].frames, one[0].presses, one[1], one[2]) for one in (given, before))
     if not all(np.array_equal(one, other) for one, other in zip(arrays, copies, strict=True)):
         raise subject.failure("it changes what it is given", "that it only reads it", "work on copies")
 

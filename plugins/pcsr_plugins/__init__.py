@@ -32,7 +32,7 @@ from pcsr import Register, hookimpl
 
 @hookimpl
 def pcsr_register(register: Register) -> None:
-    """Register the parts of the paper and of other networks, the sources of data, metrics, baselines, policies and the logger."""
+    """Register the parts of the paper and of other networks, data, metrics, baselines, policies and the logger."""
     register.encoder("edge-conv", "pcsr_plugins.encoders.edge_conv:EdgeConv")
     register.encoder("local-frames", "pcsr_plugins.encoders.local_frames:LocalFrameEncoder")
     register.encoder("linear", "pcsr_plugins.encoders.linear:Linear")
