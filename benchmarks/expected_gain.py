@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 import click
 import numpy as np
 from jaxtyping import Float
-from rich.progress import track
 from saved import show
 from scipy.spatial import cKDTree
 
@@ -132,7 +131,7 @@ def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policie
         shapes=PartSpec(use="cad-parts"), touch=PartSpec(use="digit"), sampling="view" if one_side else "random"
     )
     found = {name: Measured() for name in policies}
-    for part in track(shapes.names(split)[:parts], "parts", transient=True):
+    for part in shapes.names(split)[:parts]:
         item = shapes.item(part)
         for seed in range(seeds):
             trial = {name: Measured() for name in policies}
@@ -142,6 +141,8 @@ def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policie
             except UserError as error:
                 click.echo(f"left out: {error}", err=True)
                 continue
+            shares = ", ".join(f"{name} {into.after[0] / into.before[0] - 1:+.1%}" for name, into in trial.items())
+            click.echo(f"{part}, seed {seed}: {shares}", err=True)
             for name, into in trial.items():  # a part that one policy cannot touch is left out of all
                 for key in ("before", "after", "expected"):
                     getattr(found[name], key).extend(getattr(into, key))

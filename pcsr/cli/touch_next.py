@@ -141,6 +141,9 @@ def next_(
         )
     _show(found)
     for out in outs:
+        if out.suffix.lower() == ".ply" and len(found) == 0:
+            click.echo(f"{out} is not written: there is no pose")
+            continue
         write_next(out, found, frame)
         click.echo(f"{out}: {len(found)} poses")
 

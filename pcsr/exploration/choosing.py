@@ -19,7 +19,7 @@ APART = 0.5
 """Least distance between two poses, in shorter sides of the gel."""
 TOUCHED = 1.5
 """A cell of the gel this near to a touched point is touched already, in mm."""
-LEAST_GAIN = 0.002
+LEAST_GAIN = 0.0005
 """A touch that is expected to take off a smaller share of the error is not proposed."""
 
 
@@ -104,7 +104,7 @@ def choose(
         row = int(rows[scores[rows].argmax()])
         gain = None if total is None else float(scores[row])
         if total is not None and gain is not None and gain <= LEAST_GAIN * total:
-            stopped = f"a further touch is expected to take less than {LEAST_GAIN:.1%} off the error"
+            stopped = f"a further touch is expected to take less than {LEAST_GAIN:.2%} off the error"
             break
         contact = contacts[row]
         chosen.append(

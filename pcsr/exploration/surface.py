@@ -49,12 +49,10 @@ class KnownSurface:
         """
         seen = np.unique(cloud, axis=0)
         if len(seen) >= FEWEST and _median_spacing(seen) < FINEST:
-            seen = thin(seen, FINEST)
+            thinned = thin(seen, FINEST)
+            seen = thinned if len(thinned) >= FEWEST else seen
         if len(seen) < FEWEST:
-            raise UserError(
-                f"the cloud has {len(seen)} distinct points, {FINEST} mm apart: at least {FEWEST} are needed; is its "
-                f"unit right?"
-            )
+            raise UserError(f"the cloud has {len(seen)} distinct points: at least {FEWEST} are needed")
         distances, _ = KDTree(seen).query(seen, k=SPACED + 1)
         # The disc to the k-th neighbour holds k points, half of the last on average.
         area = float(np.pi * (distances[:, -1] ** 2).sum() / SPACED)

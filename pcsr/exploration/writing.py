@@ -28,12 +28,14 @@ def write_next(path: Path, found: NextTouches, frame: str = "object") -> None:
         frame: name of the cloud's frame, as `header.frame_id` of ROS.
 
     Raises:
-        UserError: the suffix is neither.
+        UserError: the suffix is neither, or there is no pose for a `.ply` file.
         RunError: the file cannot be written.
     """
     check_suffix(path)
     if path.suffix.lower() == ".json":
         write_text(path, json.dumps(as_json(found, frame), indent=1) + "\n")
+    elif len(found) == 0:
+        raise UserError(f"{path}: a .ply file needs a pose, and there is none: {found.reason}")
     else:
         write_bytes(path, cloud_bytes(as_cloud(found), ".ply"))
 

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from pcsr.exploration.contact import ContactModel
+from pcsr.exploration.guess import guessed_candidates, hidden_surface
+from pcsr.exploration.reach import reachable
+from pcsr.exploration.surface import KnownSurface
+from tests.exploration.scenes import NOTHING, TIP, ball, plane, upper
+
+
+def rng():
+    return np.random.default_rng(3)
+
+
+def test_the_hidden_side_is_guessed_where_it_is():
+    points, normals, area = hidden_surface(KnownSurface.of(upper(ball(800)), NOTHING), rng())
+    assert (points[:, 2] < 0).all()
+    np.testing.assert_allclose(normals, np.tile([0, 0, -1], (len(points), 1)), atol=0.2)
+    assert 100 < area < np.pi * 15**2
+
+
+def test_a_whole_ball_and_a_plane_hide_nothing():
+    for cloud in (ball(800), plane()):
+        points, normals, area = hidden_surface(KnownSurface.of(cloud, NOTHING), rng())
+        assert points.shape == normals.shape == (0, 3)
+        assert area == 0
+
+
+def test_candidates_stand_outside_along_the_normals():
+    candidates, guessed = guessed_candidates(KnownSurface.of(upper(ball(800)), NOTHING), 100, TIP, rng())
+    assert len(candidates) == 100
+    assert guessed.any()
+    axes = candidates.frames[~guessed][:, :, 2]
+    outwards = candidates.points[~guessed] / 15
+    assert (np.einsum("ij,ij->i", axes, outwards) > 0.5).mean() > 0.95
+    np.testing.assert_allclose(np.linalg.det(candidates.frames), 1, atol=1e-9)
+
+
+def test_in_a_narrow_shaft_there_is_no_room_for_the_housing():
+    floor, walls = plane(300, side=20), []
+    for axis in (0, 1):
+        for side in (-10.0, 10.0):
+            wall = plane(600, side=20) + [0, 0, 0]
+            upright = np.zeros((600, 3))
+            upright[:, axis], upright[:, 1 - axis], upright[:, 2] = side, wall[:, 0], wall[:, 1] + 10
+            walls.append(upright)
+    model = ContactModel.of(np.concatenate([floor, *walls]))
+    candidates, _ = guessed_candidates(KnownSurface.of(floor, NOTHING), 20, TIP, rng())
+    middle = type(candidates)(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), TIP)
+    assert reachable(middle, model).refused == {"without room for the housing": 1}
+    assert len(reachable(middle, ContactModel.of(floor)).rows) == 1
+
+
+@pytest.mark.parametrize("at", [(500.0, 0, 0), (0, 0, -20.0)])
+def test_poses_beside_or_behind_the_cloud_are_refused(at):
+    candidates, _ = guessed_candidates(KnownSurface.of(plane(), NOTHING), 1, TIP, rng())
+    away = type(candidates)(np.array([at]), np.eye(3)[None], np.ones(1), TIP)
+    assert reachable(away, ContactModel.of(plane())).refused == {"behind other points of the cloud": 1}
