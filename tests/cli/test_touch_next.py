@@ -52,10 +52,8 @@ def test_poses_are_shown_and_written(run, tmp_path):
 def test_metres_are_named_or_refused(run):
     np.savetxt("metres.xyz", upper(ball(600)) / 1000)
     refused = run("next", "metres.xyz")
-    assert refused.exit_code == 1
-    assert (
-        "smaller than the gel of sensor 'digit' (16 × 12 mm): name the cloud's unit, such as --unit m" in refused.stderr
-    )
+    assert refused.exit_code != 0
+    assert "smaller than the gel of sensor 'digit' (16 × 12 mm): name the cloud's unit" in refused.stderr
     named = run("next", "metres.xyz", "--unit", "m", "--count", 1)
     assert named.exit_code == 0, named.output
     assert "0: at " in named.stdout
@@ -83,9 +81,8 @@ def test_mistakes_are_one_line(run, words, message):
 def test_touches_so_far_are_used(run):
     ball_mesh = trimesh.creation.icosphere(radius=15)
     ball_mesh.export("ball.stl")
-    made = run(
-        "ball.stl", "--object-size", "null", "--count", 2, "--policy", "sparse", "--cloud", "scan.xyz", "-o", "touches"
-    )
+    options = ("--object-size", "null", "--count", 2, "--policy", "sparse", "--cloud", "scan.xyz")
+    made = run("ball.stl", *options, "-o", "touches")
     assert made.exit_code == 0, made.output
     plain, touched = run("next", "scan.xyz", "--count", 1), run("next", "scan.xyz", "--touch", "touches", "--count", 1)
     assert touched.exit_code == 0, touched.output
@@ -93,11 +90,8 @@ def test_touches_so_far_are_used(run):
 
 
 def test_a_policy_of_a_file_is_used_everywhere(run, tmp_path):
-    assert not [
-        one
-        for one in check_part(load_plugins([tmp_path / "mine.py"]).get("policy", "lowest"))
-        if one.result == "failed"
-    ]
+    outcomes = check_part(load_plugins([tmp_path / "mine.py"]).get("policy", "lowest"))
+    assert not [one for one in outcomes if one.result == "failed"]
     result = run("next", "scan.xyz", "--policy", "lowest", "--plugin", "mine.py", "--count", 1)
     assert result.exit_code == 0, result.output
     assert "mm²)" not in result.stdout  # it expects no gain

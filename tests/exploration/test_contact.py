@@ -31,7 +31,7 @@ def test_half_a_plane_is_touched_by_half_the_gel():
 
 
 def test_the_finger_stops_at_what_is_above():
-    points = np.concatenate([plane(), plane(200, side=4.0) + [0, 0, 10]])
+    points = np.concatenate([plane(), plane(200, side=4.0) + np.array([0, 0, 10])])
     contact = ContactModel.of(points).press(np.zeros(3), FRAME, 1.0, TIP)
     assert contact.top == pytest.approx(10)
     assert contact.area < 40

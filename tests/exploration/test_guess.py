@@ -40,7 +40,7 @@ def test_in_a_narrow_shaft_there_is_no_room_for_the_housing():
     floor, walls = plane(300, side=20), []
     for axis in (0, 1):
         for side in (-10.0, 10.0):
-            wall = plane(600, side=20) + [0, 0, 0]
+            wall = plane(600, side=20)
             upright = np.zeros((600, 3))
             upright[:, axis], upright[:, 1 - axis], upright[:, 2] = side, wall[:, 0], wall[:, 1] + 10
             walls.append(upright)
