@@ -21,7 +21,7 @@ class _Simulating(click.Group):
 def touch() -> None:
     """Find where to touch next, and simulate touches on a mesh.
 
-    The command `simulate` may be left out.
+    The command simulate may be left out.
 
     \b
     pcsr touch next scan.ply --touch touches/ -o next.json
