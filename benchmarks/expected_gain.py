@@ -1,6 +1,7 @@
 """What touches chosen by policies take off the error, beside what `expected-error` expects of its own.
 
 python benchmarks/expected_gain.py [--split test] [--parts 24] [--seeds 3] [--one-side] [--tries 400] [--policy NAME …]
+    [--save]
 
 Parts of 30 mm of `cad-parts`, 512 random points or the view of one camera, four touches, model `field`. The table has
 the mean Chamfer distance over parts and seeds with touches, the change in percent, and the ratio of the expected gains
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 import click
 import numpy as np
 from jaxtyping import Float
-from saved import show
+from saved import save, show
 from scipy.spatial import cKDTree
 
 import pcsr
@@ -119,11 +120,12 @@ def cells(name: str, one: Measured) -> list[str]:
 @click.option("--parts", default=24, show_default=True)
 @click.option("--seeds", default=3, show_default=True)
 @click.option("--one-side", is_flag=True)
-@click.option(
-    "--tries", default=400, show_default=True, help="Candidates of policies that expect gains; of others 100."
-)
+@click.option("--tries", default=400, show_default=True, help="Candidates for expected-error; others have 100.")
 @click.option("--policy", "policies", multiple=True, default=("uniform", "sparse", "expected-error"), show_default=True)
-def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policies: tuple[str, ...]) -> None:
+@click.option("--save", "saving", is_flag=True, help="Write the table to docs/numbers.")
+def main(
+    split: str, parts: int, seeds: int, one_side: bool, tries: int, policies: tuple[str, ...], saving: bool
+) -> None:
     """Print the table."""
     registry, model = load_plugins(), pcsr.load("field")
     shapes = registry.get("shapes", "cad-parts")(held_out=24)
@@ -156,7 +158,11 @@ def main(split: str, parts: int, seeds: int, one_side: bool, tries: int, policie
         "within 1.5",
     ]
     seen = "one camera" if one_side else "512 random points"
-    show(heads, [cells(name, one) for name, one in found.items()], f"{seen}, {TOUCHES} touches, {split} parts")
+    rows = [cells(name, one) for name, one in found.items()]
+    show(heads, rows, f"{seen}, {TOUCHES} touches, {split} parts")
+    if saving:
+        words = f"--seeds {seeds}{' --one-side' if one_side else ''} --tries {tries}"
+        save(f"gains{'-one-side' if one_side else ''}", f"python benchmarks/expected_gain.py {words}", heads, rows)
 
 
 if __name__ == "__main__":
