@@ -17,6 +17,7 @@ FLOORS = {
     "pcsr.touches": 3,
     "pcsr.results": 2,
     "pcsr.run_files": 3,
+    "pcsr.run_folders": 4,
     "pcsr.upsample": 4,
     "pcsr.network": 3,
     "pcsr.grafting": 3,
@@ -71,7 +72,7 @@ SAME_FLOOR = {
     ("pcsr.metrics", "pcsr.clouds"),
     ("pcsr.metrics", "pcsr.contracts"),
     ("pcsr.metrics", "pcsr.plugins"),
-    ("pcsr.grafting", "pcsr.network"),
+    ("pcsr.network", "pcsr.grafting"),
     ("pcsr.testing", "pcsr.network"),
 }
 PUBLIC = (

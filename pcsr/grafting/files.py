@@ -16,11 +16,10 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.grafting.parts import build_parts
 from pcsr.grafting.probe import find_layer
-from pcsr.network.save import tensors_hash
 from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.part_keys import NETWORK
-from pcsr.weights.file import NONSENSE, card_text, fault, open_tensors, parse_card
+from pcsr.weights.file import NONSENSE, card_text, fault, open_tensors, parse_card, tensors_hash
 from pcsr.weights.fit import fill
 
 TOUCHES = (16, 512)

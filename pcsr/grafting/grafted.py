@@ -15,9 +15,9 @@ from pcsr.contracts import Encoder, Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_frame
 from pcsr.grafting.calling import Calling
+from pcsr.grafting.fuse import fuse
 from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.grafting.layer_points import LayerPoints
-from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
 MOST_DISTANCE = 5.0

@@ -15,11 +15,10 @@ from pcsr.network.build import build
 from pcsr.network.card import check_parts, mismatch_remedy, other_code
 from pcsr.network.kinds import AnyNetwork
 from pcsr.network.outline import bounded, outline
-from pcsr.network.save import tensors_hash
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe, check_card
 from pcsr.recipe.schema import GraftedModel
-from pcsr.weights.file import NONSENSE, read_card, read_file, read_shapes
+from pcsr.weights.file import NONSENSE, read_card, read_file, read_shapes, tensors_hash
 from pcsr.weights.fit import check_fit, fill
 
 
