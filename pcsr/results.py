@@ -67,6 +67,12 @@ class Training(BaseModel):
 
     seconds: int | float | None = None
     steps: int | None = None
+    epochs: float | None = None
+    """Number of epochs that were trained, fewer than the recipe's after early stopping; None in older results."""
+    best_step: int | None = None
+    """Step of the weights that early stopping kept."""
+    weights: str | None = None
+    """SHA-256 hash of the weights, as in their card; None in results of pcsr 0.2 and older."""
     device: str | None = None
     threads: int | None = None
     validation: dict[str, Any] | None = None
@@ -109,6 +115,8 @@ class Results(BaseModel):
     timing: str = "mean"
     """Average that `MethodResult.seconds` are: the mean in results of pcsr 0.1.0, else the median."""
     hardware: dict[str, Any] = {}
+    code: str | None = None
+    """Hash of the code of pcsr; None in results of pcsr 0.2 and older."""
     created: str
 
     @property
@@ -127,9 +135,23 @@ class Results(BaseModel):
         return RecipeSettings.model_validate(self.recipe)
 
     @property
+    def budget(self) -> list[str]:
+        """Length of the training, such as ``["12 of 16 epochs", "96 steps", "weights of step 16"]``."""
+        training, epochs = self.training, self.settings.epochs
+        found = []
+        if epochs is not None:
+            stopped = training.epochs is not None and training.epochs < epochs
+            found.append(f"{training.epochs:g} of {epochs} epochs" if stopped else f"{epochs} epochs")
+        if training.steps is not None:
+            found.append(f"{training.steps} steps")
+        if training.best_step is not None:
+            found.append(f"weights of step {training.best_step}")
+        return found
+
+    @property
     def seconds_per_epoch(self) -> float | None:
         """Wall time of one epoch of the training; None where the weights' card has no time."""
-        seconds, epochs = self.training.seconds, self.settings.epochs
+        seconds, epochs = self.training.seconds, self.training.epochs or self.settings.epochs
         return None if seconds is None or epochs is None else seconds / epochs
 
     @property

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
+RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain", "reevaluate")
 """Fields of `pcsr.experiments.run_options.RunOptions`, each of which is an option of the command line."""
 
 _OPTIONS = (
@@ -66,6 +66,7 @@ _OPTIONS = (
         is_flag=True,
         help="Train even if finished weights exist. They are replaced when training is finished.",
     ),
+    click.option("--reevaluate", is_flag=True, help="Evaluate even if finished results exist."),
 )
 
 

@@ -151,10 +151,10 @@ def budget(run: "RunFolder") -> str:
     """Length of a run's training, such as ``10 epochs, 600 steps``."""
     if run.value("weights") is not None:
         return f"weights {run.value('weights')}"
+    if run.results is not None:
+        return ", ".join(run.results.budget)
     epochs = run.value("train.epochs")
-    steps = None if run.results is None else run.results.training.steps
-    found = (f"{epochs} epochs" if epochs is not None else "", f"{steps} steps" if steps is not None else "")
-    return ", ".join(filter(None, found))
+    return "" if epochs is None else f"{epochs} epochs"
 
 
 def age(run: "RunFolder") -> str:

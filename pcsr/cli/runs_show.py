@@ -49,9 +49,7 @@ def _facts(run: "RunFolder") -> list[tuple[str, str]]:
         facts.append(("recipe", f"{run.recipe.get('name')}, seed {run.recipe.get('seed')}{fingerprint}"))
     facts += [("part", f"{key}: {name}") for key, name in run.parts.items()]
     if run.results is not None:
-        training = run.results.training
-        steps = "" if training.steps is None else f", {training.steps} steps"
-        facts.append(("training", f"{training.source}{steps}"))
+        facts.append(("training", ", ".join([run.results.training.source, *run.results.budget])))
     try:
         stages = read_environment(run.folder)
     except UserError as error:

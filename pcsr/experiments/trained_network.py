@@ -28,6 +28,7 @@ from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
 from pcsr.run_files import CHECKPOINT, ENVIRONMENT, read_environment, snapshot_file
 from pcsr.weights import WEIGHTS
+from pcsr.weights.file import read_card
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -124,6 +125,7 @@ def trained(
         text = f"training ended after step {training['steps']}; the weights kept are those of step"
         progress.console.print(f"{text} {training['best_step']}, with the lowest validation error")
     save(folder / WEIGHTS, network, training)
+    training["weights"] = read_card(folder / WEIGHTS)["sha256"]
     if options.retrain:
         write_environment(folder, "training", read_environment(training_folder)["training"])
         (training_folder / ENVIRONMENT).unlink()
@@ -192,4 +194,5 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
     differs = other_code(recipe, card, registry)
     marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
     training = card.get("training")
-    return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
+    about = training if isinstance(training, dict) else {}
+    return network, {**about, "source": source, "weights": card.get("sha256"), **marked}

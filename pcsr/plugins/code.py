@@ -62,6 +62,17 @@ def distribution_code(name: str) -> str | None:
     return _hash(files, f"{name} {found.version}")
 
 
+def own_code() -> str:
+    """Hash the Python files of pcsr and of the parts that come with it.
+
+    Examples:
+        >>> own_code() == own_code()
+        True
+    """
+    files = (pair for package in EXCLUDED for pair in _files(package))
+    return _hash((name, path) for name, path in files if path.suffix == ".py")
+
+
 def python_files(owner: str, *, in_file: bool) -> list[Path]:
     """List the Python files of a plugin.
 

@@ -4,7 +4,6 @@ pluggy's own entry-point loader is not used, since it stops at the first plugin 
 """
 
 import os
-import warnings
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import distributions
@@ -13,7 +12,7 @@ from typing import Any
 
 import pluggy
 
-from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
+from pcsr.errors import PcsrError, UserError, did_you_mean
 from pcsr.plugins import hookspecs, renamed
 from pcsr.plugins.code import GROUP, python_files
 from pcsr.plugins.file_import import import_file
@@ -80,20 +79,6 @@ def _imported(registry: Registry, file: Path) -> object:
     return module
 
 
-def warn_of_failures(registry: Registry) -> None:
-    """Warn of each plugin file that failed to load.
-
-    Warns:
-        PcsrWarning: a file of `registry.files` failed to load.
-    """
-    named = {str(file) for file in registry.files}
-    for failure in registry.failures:
-        if failure.owner in named:
-            why = f"pcsr plugins --why {failure.owner} --plugin {failure.owner}"
-            message = f"--plugin {failure.owner} failed to load: {failure.message} ({why})"
-            warnings.warn(message, PcsrWarning, stacklevel=3)
-
-
 def check_loaded(registry: Registry) -> None:
     """Check that the plugin files were loaded.
 
@@ -103,7 +88,9 @@ def check_loaded(registry: Registry) -> None:
     named = {str(file) for file in registry.files}
     for failure in registry.failures:
         if failure.owner in named:
-            raise UserError(f"plugin {failure.owner} cannot be loaded: {failure.message}") from failure.error
+            where = f"pcsr plugins --why {failure.owner} --plugin {failure.owner}"
+            message = f"plugin {failure.owner} cannot be loaded: {failure.message} (where: {where})"
+            raise UserError(message) from failure.error
 
 
 def _name(distribution: Any) -> str:

@@ -49,7 +49,7 @@ def compare(tmp_path, monkeypatch):
 def test_two_fusions_and_two_seeds_become_one_table_and_one_page(compare, tmp_path):
     done = compare(SMOKE, *TINY, "--fusion", "concat", "--fusion", "iterative", "--seeds", "2", "--name", "mine")
     assert done.exit_code == 0, done.output
-    stages = ("building the train data", "building the validation data", "building the test data", "training, loss")
+    stages = ("train data", "validation data", "test data", "training, loss")
     for stage in (*stages, "evaluating"):
         assert [line.startswith(stage) for line in done.stderr.splitlines()].count(True) == 4, "one line each"
     summaries = re.findall(r"^(\S+): cd ×10³ [\d.]+ ± [\d.]+; report: runs/\S+/report.html$", done.stdout, re.M)

@@ -166,7 +166,7 @@ def _training(run: FinishedRun, charts: dict[str, Any]) -> str:
     """Section with the training curves, or with the origin of the weights if the run did not train."""
     training = run.results.training
     facts = [
-        *([f"{training.steps} steps"] if training.steps is not None else []),
+        *run.results.budget,
         *([_duration(training.seconds)] if training.seconds is not None else []),
         *([f"on {training.device}"] if training.device is not None else []),
         *([f"threads: {training.threads}"] if training.threads is not None else []),
