@@ -45,6 +45,24 @@ def compare(tmp_path, monkeypatch):
     return lambda *arguments: CliRunner().invoke(pcsr, ["compare", *arguments, "--jobs", "1"])
 
 
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("raise RuntimeError('no')", "plugin mine.py cannot be loaded: RuntimeError: no"),
+        (
+            FRAIL.replace('"frail"', '"concat"'),
+            "fusion 'concat' is registered twice, by pcsr and by mine.py: rename one of them",
+        ),
+    ],
+)
+def test_a_plugin_that_cannot_be_loaded_ends_it(compare, code, said):
+    Path("mine.py").write_text(code)
+    done = compare(SMOKE, "--plugin", "mine.py", "--fusion", "iterative", "--fusion", "concat")
+    assert done.exit_code == UserError.exit_code
+    assert said in done.stderr
+    assert not Path("runs").exists()
+
+
 @pytest.mark.slow
 def test_two_fusions_and_two_seeds_become_one_table_and_one_page(compare, tmp_path):
     done = compare(SMOKE, *TINY, "--fusion", "concat", "--fusion", "iterative", "--seeds", "2", "--name", "mine")

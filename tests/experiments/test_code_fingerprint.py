@@ -81,7 +81,7 @@ def test_after_an_edit_it_is_trained_again_beside_the_old_run(call):
     call()
     (old,) = folders()
     before = contents(Path("runs") / old)
-    assert "weights: this run folder" in call(), "nothing was edited"
+    assert "finished: runs/" in call(), "nothing was edited"
     Path("mine.py").write_text(EDITED)
     said = call()
     assert (
@@ -94,9 +94,9 @@ def test_after_an_edit_it_is_trained_again_beside_the_old_run(call):
     assert before.items() <= contents(Path("runs") / old).items()
     assert results(new)["training"]["source"] == "trained by this run"
     assert "other_code" not in results(new)["training"]
-    assert "weights: this run folder" in call()
+    assert "finished: runs/" in call()
     Path("mine.py").write_text(PLUGIN)
-    assert f"weights: this run folder, runs/{old}" in call(), "the old code has its weights still"
+    assert f"finished: runs/{old}, " in call(), "the old code has its weights still"
 
 
 def test_old_weights_are_kept_knowingly_and_the_report_says_so(call):
@@ -176,7 +176,7 @@ def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a
     assert len(steps) == 2, "from the first step"
     assert {name: data for name, data in contents(path).items() if name != "recipe.json"}.items() <= before.items()
     assert (path / "retraining" / "checkpoint.safetensors").exists()
-    assert "weights: this run folder" in call(), "the old ones are there meanwhile"
+    assert "finished: runs/" in call(), "the old ones are there meanwhile"
     assert "--retrain: training goes on after step 2, 1 epochs in all" in call("--retrain")
     assert len(steps) == 2, "what was done is not done again"
     assert {one.name for one in path.iterdir()} == {*before, "plugins"}
@@ -219,7 +219,7 @@ def test_an_edited_touch_source_makes_other_data_but_not_of_data_that_is_built(c
     built = sorted(Path("runs/data").iterdir())[0]
     call("--data", built)
     Path("world.py").write_text(text + "\n# edited again\n")
-    assert "weights: this run folder" in call("--data", built)
+    assert "finished: runs/" in call("--data", built)
 
 
 @pytest.mark.slow
