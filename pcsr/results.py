@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
@@ -57,7 +57,7 @@ class MethodResult(BaseModel):
     parameters: int
     seconds: float
     """Wall time for one cloud; `Results.timing` names the average."""
-    values: dict[str, list[FiniteFloat]]
+    values: dict[str, list[Annotated[float, Field(gt=-1e100, lt=1e100)]]]
 
 
 class Training(BaseModel):
