@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
@@ -57,7 +57,7 @@ class MethodResult(BaseModel):
     parameters: int
     seconds: float
     """Wall time for one cloud; `Results.timing` names the average."""
-    values: dict[str, list[FiniteFloat]]
+    values: dict[str, list[Annotated[float, Field(gt=-1e100, lt=1e100)]]]
 
 
 class Training(BaseModel):
@@ -235,15 +235,7 @@ def read_results(path: Path) -> Results:
     Raises:
         UserError: the file is missing or malformed.
     """
-    try:
-        data = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise UserError(f"{path}:{error.lineno}: {error.msg}; {RERUN}") from error
-    except RecursionError as error:
-        raise UserError(f"{path}: nested too deeply; {RERUN}") from error
-    if not isinstance(data, dict):
-        raise UserError(f"{path}: not a JSON object; {RERUN}")
-    return parse_results(data, str(path))
+    return parse_results(read_object(path), str(path))
 
 
 def write_results(path: Path, results: Results) -> None:
@@ -253,6 +245,25 @@ def write_results(path: Path, results: Results) -> None:
         RunError: the file can't be written.
     """
     write_text(path, json.dumps(results.model_dump(exclude_unset=True), indent=1))
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a JSON object from a file of a run folder.
+
+    Raises:
+        UserError: the file is missing, can't be read or is not a JSON object.
+    """
+    try:
+        data = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise UserError(f"{path}:{error.lineno}: {error.msg}; {RERUN}") from error
+    except RecursionError as error:
+        raise UserError(f"{path}: nested too deeply; {RERUN}") from error
+    except ValueError as error:
+        raise UserError(f"{path}: a number has too many digits; {RERUN}") from error
+    if not isinstance(data, dict):
+        raise UserError(f"{path}: not a JSON object; {RERUN}")
+    return data
 
 
 def read_text(path: Path) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from pcsr.errors import UserError
 from pcsr.recipe.part_keys import NETWORK_KEYS, PARTS
-from pcsr.results import Results, read_results, read_text
+from pcsr.results import Results, read_object, read_results, read_text
 from pcsr.run_files import EXAMPLES, HISTORY, RECIPE, RESULTS, check_run_folder, is_run_folder
 from pcsr.weights import WEIGHTS
 
@@ -154,15 +154,7 @@ def find_run(named: Path, runs: Path) -> Path:
 
 def _recipe(folder: Path) -> dict[str, Any]:
     """Return the resolved recipe of an unfinished run; empty in folders of pcsr before 0.3 that were not trained."""
-    if not (folder / RECIPE).exists():
-        return {}
-    try:
-        recipe = json.loads(read_text(folder / RECIPE))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise UserError(f"{folder / RECIPE} is not JSON: {error}") from error
-    if not isinstance(recipe, dict):
-        raise UserError(f"{folder / RECIPE} is not a JSON object")
-    return recipe
+    return read_object(folder / RECIPE) if (folder / RECIPE).exists() else {}
 
 
 def _progress(folder: Path) -> str:
@@ -180,7 +172,7 @@ def _lines(history: Path) -> Iterator[dict[str, Any]]:
     for text in reversed(read_text(history).splitlines()):
         try:
             line = json.loads(text)
-        except (json.JSONDecodeError, RecursionError):
+        except (ValueError, RecursionError):
             continue
         if isinstance(line, dict):
             yield line

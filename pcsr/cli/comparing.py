@@ -1,8 +1,9 @@
 """Tables of several runs: on the screen, as a page, and as files of LaTeX, Markdown and CSV."""
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -26,6 +27,23 @@ def table_options(command: Callable[..., Result]) -> Callable[..., Result]:
             f"--{name}", type=FILE, default=None, metavar="FILE", help=f"Write the tables to this file as {text}."
         )(command)
     return command
+
+
+def table_files(options: dict[str, Any]) -> dict[str, Path]:
+    """Return the files that the options of `table_options` name, by format, after a check that needs no tables.
+
+    Raises:
+        UserError: two are the same file, or one cannot be a file.
+    """
+    from pcsr.files import check_target
+
+    files = {form: options[form] for form in FORMATS if options[form] is not None}
+    named: dict[str, str] = {}
+    for form, path in files.items():
+        check_target(path)
+        if (other := named.setdefault(os.path.realpath(path), form)) != form:
+            raise UserError(f"--{other} and --{form} name the same file, {path}: name two")
+    return files
 
 
 def read_runs(folders: Sequence[Path]) -> "tuple[list[FinishedRun | None], list[str]]":
@@ -80,11 +98,11 @@ def show(
     compared = report.comparison([one.results for one in runs], name, left_out)
     for table in report.tables(compared):
         console.print(table)
+    page = report.write_comparison(compared, runs, folder)
+    console.print(f"all runs: {page}", soft_wrap=True, markup=False, highlight=False)
     for kind, path in (files or {}).items():
         report.write_tables(compared, kind, path)
         console.print(f"{kind}: {path}", soft_wrap=True, markup=False, highlight=False)
-    page = report.write_comparison(compared, runs, folder)
-    console.print(f"all runs: {page}", soft_wrap=True, markup=False, highlight=False)
 
 
 def check_failed(failed: Sequence[str], total: int) -> None:

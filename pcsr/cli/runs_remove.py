@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pcsr.cli.options import FILE
-from pcsr.errors import RunError, UserError
+from pcsr.errors import RunError, UserError, printable
 
 
 @click.command("rm")
@@ -27,12 +27,27 @@ def remove(runs: Path, named: tuple[Path, ...], yes: bool) -> None:
     for folder in folders:
         if folder.is_symlink():
             raise UserError(f"{folder} is a link: remove the folder that it points to, {folder.resolve()}")
+        _check_nothing_else(folder)
     for run in found:
-        click.echo(f"{run.folder}: {run.state}, {gigabytes(run.size)}")
+        click.echo(printable(f"{run.folder}: {run.state}, {gigabytes(run.size)}", lines=False))
     if not yes:
         count = "this run" if len(found) == 1 else f"these {len(found)} runs"
         click.confirm(f"Remove {count}?", abort=True)
     _remove(folders)
+
+
+def _check_nothing_else(folder: Path) -> None:
+    """Check that a folder with files of a run is not one of runs or of a project, into which such a file got.
+
+    Raises:
+        UserError: it holds run folders or a git repository.
+    """
+    from pcsr.run_files import is_run_folder
+
+    for path in sorted(folder.iterdir()):
+        if path.name == ".git" or (path.is_dir() and is_run_folder(path)):
+            what = "a git repository" if path.name == ".git" else f"another run, {path.name}"
+            raise UserError(f"{folder} holds {what}: remove files of a run from it by hand")
 
 
 def _remove(folders: Sequence[Path]) -> None:
@@ -45,8 +60,10 @@ def _remove(folders: Sequence[Path]) -> None:
         whole = folder.absolute()  # `.` has no name
         aside = whole.with_name(f".{whole.name}.removed")
         try:
+            if aside.exists():  # left by an interrupted removal
+                shutil.rmtree(aside)
             whole.rename(aside)
             shutil.rmtree(aside)
         except OSError as error:
             raise RunError(f"{folder} can't be removed: {error.strerror or error}") from error
-        click.echo(f"removed {folder}")
+        click.echo(printable(f"removed {folder}", lines=False))

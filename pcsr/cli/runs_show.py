@@ -70,10 +70,9 @@ def _environment(about: dict[str, Any]) -> list[tuple[str, str]]:
     torch = packages.get("torch") if isinstance(packages, dict) else None
     versions = f"pcsr {about.get('pcsr')}, torch {torch}, Python {about.get('python')}, {about.get('system')}"
     facts = [("made by", f"{versions}, {about.get('time')}")]
-    for one in about.get("git") or []:
-        if isinstance(one, dict):
-            changed = ", with changes" if one.get("changed") else ""
-            facts.append(("git", f"{one.get('repository')} {one.get('commit')}{changed}"))
+    for one in about.get("git", ()):
+        changed = ", with changes" if one.get("changed") else ""
+        facts.append(("git", f"{one.get('repository')} {one.get('commit')}{changed}"))
     if about.get("command"):
         facts.append(("command", str(about["command"])))
     return facts
@@ -86,7 +85,7 @@ def repeat(run: "RunFolder", stages: dict[str, dict[str, Any]]) -> str:
     if not (run.folder / RECIPE).exists():
         return ""
     words = ["pcsr", "run", str(run.folder / RECIPE)]
-    copies = dict.fromkeys(copy for about in stages.values() for copy in about.get("plugins") or ())
+    copies = dict.fromkeys(copy for about in stages.values() for copy in about.get("plugins", {}))
     for copy in copies:
         words += ["--plugin", str(run.folder / copy)]
     return shlex.join([*words, "--runs", "repeated"])

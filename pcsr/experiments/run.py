@@ -3,7 +3,9 @@
 import datetime
 import functools
 import os
+import warnings
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from pcsr.contracts import Metric
 from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.environment import record
 from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
 from pcsr.experiments.finished_runs import finished_results
@@ -119,10 +121,24 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
             recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task)
         )
     results = results_of(recipe, test, evaluation, source, metrics_of(recipe, registry))
-    finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
+    finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), _history(folder))
     write_run(finished)
     report.write_page(finished)
     return finished
+
+
+def _history(folder: Path) -> list[dict[str, Any]] | None:
+    """Read the history of a training. A damaged one costs its chart, but not the evaluation.
+
+    Warns:
+        PcsrWarning: the history is damaged.
+    """
+    try:
+        return read_history(folder / HISTORY)
+    except UserError as error:
+        text = str(error).partition(";")[0]  # the run has just been done again
+        warnings.warn(f"{text}: the report lacks the training; --retrain makes it again", PcsrWarning, stacklevel=2)
+        return None
 
 
 def results_of(

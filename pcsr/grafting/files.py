@@ -16,7 +16,7 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.grafting.parts import build_parts
 from pcsr.grafting.probe import find_layer
-from pcsr.plugins.loading import check_loaded, load_plugins
+from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.part_keys import NETWORK
 from pcsr.weights.file import NONSENSE, card_text, fault, open_tensors, parse_card, tensors_hash
@@ -62,6 +62,8 @@ def save_graft(
             f"the {nameless[0]} of this graft was given as an instance, so that a file cannot say how to build it: "
             f"register its class in a plugin and give its name, or save grafted.state_dict() yourself"
         )
+    if not (0 <= touches[0] <= 16 and touches[1] >= 1):
+        raise UserError(f"touches={touches}: give the largest number of touches, 0 to 16, and the points of each")
     # Cloned, since safetensors refuses weights that two layers share.
     tensors = {name: tensor.detach().clone() for name, tensor in grafted.state_dict().items()}
     card: dict[str, Any] = {"graft": described(grafted), "about": dict(about or {}), "sha256": tensors_hash(tensors)}
@@ -69,8 +71,8 @@ def save_graft(
     if recipe is not None:
         card["recipe"] = recipe
     try:
-        header = json.dumps(card)
-    except TypeError as error:
+        header = json.dumps(card, allow_nan=False)
+    except (TypeError, ValueError) as error:  # ValueError: a number that is not finite, or a list in itself
         raise UserError(
             f"about={about!r}, options={options!r}: the header of a graft is what JSON can write, but {error}"
         ) from error
@@ -136,7 +138,7 @@ def load_graft(
     tensors, point, parts = _read(path)
     find_layer(network, point.at)
     if registry is None:
-        registry = load_plugins(Path(file) for file in plugins)
+        registry = load_plugins(plugin_paths(plugins))
         check_loaded(registry)
     grafted = assemble(Grafted, network, *_built(point, parts, registry), frozen=True)
     fill(grafted, tensors, path, f"Build the {type(network).__name__} as it was when it was saved")

@@ -57,7 +57,7 @@ class GraftedNetwork(Grafted):
             result = super().forward(*args, **touched, **kwargs)
         except PcsrError:
             raise
-        except Exception as error:  # foreign code may raise any error
+        except (Exception, SystemExit) as error:  # foreign code may raise any error
             if torch.compiler.is_exporting():  # whose own errors are part of its way of working
                 raise
             text = f"{type(error).__name__}: {one_line(error)}"

@@ -4,7 +4,7 @@ pluggy's own entry-point loader is not used, since it stops at the first plugin 
 """
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
@@ -48,6 +48,17 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
             raise UserError(f"--plugin {shown_path(file)}: there is no such file")
         _register(registry, partial(_imported, registry, file), str(file), FILE)
     return registry
+
+
+def plugin_paths(plugins: Sequence[str | Path]) -> tuple[Path, ...]:
+    """Return the paths of the plugin files that a function of the library was given.
+
+    Raises:
+        UserError: a text in place of a list, whose letters would be taken for files.
+    """
+    if isinstance(plugins, str | Path):
+        raise UserError(f"plugins={str(plugins)!r} is one file: give a list, plugins=[{str(plugins)!r}]")
+    return tuple(map(Path, plugins))
 
 
 def add_file(registry: Registry, path: Path) -> None:

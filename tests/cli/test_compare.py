@@ -193,6 +193,8 @@ def test_unfinished_and_damaged_runs_are_left_out_and_said(compare, tmp_path):
         (("a", "--fusion", "none"), "only run folders are named: name a recipe too"),
         (("a", "--seeds", "2"), "only run folders are named: name a recipe too"),
         (("page.html",), "no run folder or recipe is named"),
+        (("smoke", "--latex", "empty"), "empty is a folder, and would be replaced by a file"),
+        (("smoke", "--latex", "x", "--csv", "./x"), "--latex and --csv name the same file, x: name two"),
     ],
 )
 def test_mistakes_in_what_is_compared_are_named(compare, tmp_path, words, why):

@@ -107,7 +107,14 @@ def test_an_unfinished_run_and_a_damaged_record_are_shown(call, runs):
     (runs[2] / "environment.json").write_text("[")
     text = call("runs", "show", runs[2])
     assert "unfinished: training stopped after step 8" in text
-    assert "environment.json is not JSON" in text
+    assert "environment.json:1: Expecting value" in text
+
+
+@pytest.mark.parametrize("key", ["git", "plugins"])
+@pytest.mark.parametrize("written", [1, [1], [[]], "x", None])
+def test_a_record_of_the_environment_of_other_types_is_remarked(call, runs, key, written):
+    (runs[1] / "environment.json").write_text(json.dumps({"training": {key: written}}))
+    assert f"environment.json: training.{key} is not " in call("runs", "show", "b-1")
 
 
 def test_runs_are_removed_after_a_question(call, runs):
@@ -128,9 +135,24 @@ def test_the_current_folder_is_removed_by_its_name(call, runs, monkeypatch):
 def test_only_run_folders_are_removed(call, runs, tmp_path):
     (tmp_path / "notes").mkdir()
     Path("link").symlink_to(runs[0])
-    for named, why in (("notes", "is no run folder"), ("link", "is a link"), ("x", "there is no run 'x'")):
+    (tmp_path / "project" / ".git").mkdir(parents=True)
+    for other in ("project", "runs"):
+        (tmp_path / other / "results.json").write_text("{}")
+    for named, why in (
+        *(("notes", "is no run folder"), ("link", "is a link"), ("x", "there is no run 'x'")),
+        *(("project", "project holds a git repository"), ("runs", "runs holds another run, a-1")),
+    ):
         assert why in call("runs", "rm", "--yes", "b", named, code=UserError.exit_code)
     assert all(folder.exists() for folder in runs)
+
+
+def test_what_an_interrupted_removal_left_is_removed_with_the_next(call, runs):
+    left = Path("runs/.a-1.removed")
+    left.mkdir()
+    (left / "weights.safetensors").touch()
+    assert "removed runs/a-1" in call("runs", "rm", "--yes", "a")
+    assert not runs[0].exists()
+    assert not left.exists()
 
 
 def test_a_folder_that_cannot_be_removed_is_an_error_of_one_line(call, runs, monkeypatch):

@@ -62,6 +62,7 @@ def test_shapes_and_frames(folder):
         ({"touches": (2, 1)}, r"touches is \(2, 1\)"),
         ({"augment": ["rotat"]}, r"augmentation 'rotat' is unknown: did you mean 'rotate'\?"),
         ({"batch": 0}, "batch is 0: it must be at least 1"),
+        ({"seed": -1}, "seed is -1: it must be 0 or more"),
         ({"split": "tests"}, "has no split 'tests'"),
     ],
 )
@@ -76,3 +77,7 @@ def test_a_recipe_of_many_runs_is_refused(tmp_path):
         pcsr.Loader(tmp_path / "many.yaml")
     with pytest.raises(UserError, match="nothing"):
         pcsr.Loader("nothing")
+    with pytest.raises(UserError, match=r"split is 'tests': did you mean 'test'\?"):
+        pcsr.Loader("smoke", "tests")
+    with pytest.raises(UserError, match=r"plugins='mine\.py' is one file: give a list, plugins=\['mine\.py'\]"):
+        pcsr.Loader("smoke", plugins="mine.py")

@@ -142,6 +142,10 @@ class Raises(nn.Module):
     def __init__(self):
         raise ValueError("no\\nluck")
 
+class Ends(nn.Module):
+    def __init__(self):
+        raise SystemExit(2)  # as argparse does
+
 class NeedsCuda(nn.Module):
     def __init__(self):
         super().__init__()
@@ -173,6 +177,7 @@ def nothing() -> nn.Module:
             r"Cascade makes 16 points of each, and the recipe asks for 4: set data\.rate",
         ),
         (["model.graft.network=faults.py:Raises"], r"faults\.py:Raises cannot be built with \{\}: ValueError: no luck"),
+        (["model.graft.network=faults.py:Ends"], r"faults\.py:Ends cannot be built with \{\}: SystemExit: 2"),
         (["model.graft.network=faults.py:nothing"], r"faults\.py:nothing gives 7, not a torch\.nn\.Module"),
         (["model.graft.network=faults.py:NoCloud", "model.graft.at=features"], r"NoCloud gives no cloud"),
         (

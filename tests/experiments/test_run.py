@@ -11,7 +11,8 @@ from safetensors.torch import load_file
 
 from pcsr import Logger
 from pcsr.data.dataset import Split
-from pcsr.experiments.run import packages
+from pcsr.errors import PcsrWarning
+from pcsr.experiments.run import _history, packages
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.geometry.frames import UnitSphere
@@ -97,6 +98,15 @@ def call(*words, head=()):
 
 def settings(*those):
     return [word for setting in those for word in ("--set", setting)]
+
+
+def test_a_damaged_history_costs_the_chart_of_the_training_alone(tmp_path):
+    assert _history(tmp_path) is None
+    (tmp_path / "metrics.jsonl").write_text('{"step": 1, "loss": 1}\n')
+    assert _history(tmp_path) == [{"step": 1, "loss": 1}]
+    (tmp_path / "metrics.jsonl").write_text("{}\n")
+    with pytest.warns(PcsrWarning, match=r"metrics\.jsonl:1: not a line .*the report lacks the training; --retrain"):
+        assert _history(tmp_path) is None
 
 
 @pytest.mark.slow

@@ -26,6 +26,16 @@ NETWORK, EXAMPLE, _ = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 COMMANDS = re.findall(r"^pcsr (.*)$", TEXT, re.MULTILINE)
 
 
+def test_a_network_a_layer_and_plugins_of_another_type_are_named():
+    for words, options, why in (
+        ((Meeting, "layer"), {}, "give a torch.nn.Module, an instance of its class"),
+        ((Meeting(None), Meeting(None).layer), {}, "give the dotted name of a layer"),
+        ((Meeting(None), "layer"), {"plugins": "mine.py"}, "plugins='mine.py' is one file"),
+    ):
+        with pytest.raises(pcsr.UserError, match=why):
+            graft(*words, **options)
+
+
 def test_installed_plugins_are_found_without_a_registry():
     assert graft(Meeting(None), "layer").specs["fusion"] == {
         "use": "iterative",

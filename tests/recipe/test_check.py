@@ -164,6 +164,12 @@ def test_a_name_that_stands_in_a_list_twice(write, registry):
     ]
 
 
+@pytest.mark.parametrize("name", ["truth", "input", "touches", "floor", "midpoint"])
+def test_a_name_that_results_have_for_something_else(write, registry, name):
+    (line,) = lines(write(f"name: {name}", model=True), registry)
+    assert line == f"recipe.yaml:1:7: name: '{name}' is the name of another cloud or row of the results: take another"
+
+
 def test_a_seed_that_generators_do_not_take(write, registry):
     assert load(write(f"name: a\nseed: {2**32 - 1}", model=True), registry)[0].seed == 2**32 - 1
     assert lines(write(f"name: a\nseed: {2**32}", model=True), registry) == [
