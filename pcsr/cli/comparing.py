@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-FORMATS = {"latex": "LaTeX, with booktabs", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
+FORMATS = {"latex": "LaTeX, with booktabs and graphicx", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
 """Formats of tables, each of which is an option of the command line."""
 
 

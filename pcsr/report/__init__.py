@@ -8,7 +8,7 @@ from pcsr.errors import UserError
 from pcsr.files import write_bytes, write_text
 from pcsr.report.run_set import run_set
 from pcsr.report.tables.comparison import Comparison, comparison
-from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.comparison_tables import paper_tables, tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.report.tables.run_table import few_steps, summary, table
 from pcsr.report.web.comparison_page import comparison_page
@@ -88,7 +88,7 @@ def write_tables(compared: Comparison, form: str, path: Path) -> None:
     """
     match form:
         case "latex":
-            text = latex(tables(compared), compared.name)
+            text = latex(paper_tables(compared), compared.name)
         case "markdown":
             text = markdown(tables(compared))
         case _:

@@ -22,6 +22,7 @@ _LATEX = (
     }
     | {character: f"${character}$" for character in "<>|"}
 )
+_FITTED = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 COLUMNS = (
     *("row", "seeds", "objects", "metric", "scale", "mean", "sd", "sd_over", "best", "compared_with", "difference"),
@@ -31,26 +32,30 @@ COLUMNS = (
 
 
 def latex(tables: Sequence[TextTable], label: str) -> str:
-    """LaTeX source of tables, each a `table` with caption and label. It needs the package booktabs.
+    """LaTeX source of tables, each a `table` with caption, label, and its note below. Needs booktabs and graphicx.
+
+    A table that is wider than the column is scaled down to it.
 
     Args:
-        tables: tables of `comparison_tables.tables`.
+        tables: tables of `comparison_tables.paper_tables`.
         label: label of the first table; those of the others end in a number.
     """
     parts = [_latex_table(table, f"tab:{label}" + (f"-{k}" if k > 1 else "")) for k, table in enumerate(tables, 1)]
-    return "% \\usepackage{booktabs}\n" + "\n".join(parts)
+    return "% \\usepackage{booktabs,graphicx}\n" + "\n".join(parts)
 
 
 def _latex_table(table: TextTable, label: str) -> str:
+    end = r" \\ \addlinespace" if any("\n" in cell for row in table.cells for cell in row) else r" \\"
     lines = [" & ".join(map(_latex_text, table.heads)) + r" \\", r"\midrule"]
     for i, row in enumerate(table.cells):
-        lines.append(" & ".join(_latex_cell(cell, (i, k) in table.bold, k) for k, cell in enumerate(row)) + r" \\")
+        lines.append(" & ".join(_latex_cell(cell, (i, k) in table.bold, k) for k, cell in enumerate(row)) + end)
     body = "\n".join(lines)
-    caption = f"{_latex_text(table.title)}. {_latex_text(table.note)}"
     return (
         "\\begin{table}\n\\centering\n\\footnotesize\n\\setlength{\\tabcolsep}{4pt}\n"
-        f"\\caption{{{caption}}}\n\\label{{{label}}}\n\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n"
-        f"\\toprule\n{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
+        f"\\caption{{{_latex_text(table.title)}.}}\n\\label{{{label}}}\n\\smallskip\n"
+        f"{_FITTED}{{\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n"
+        f"\\toprule\n{body}\n\\bottomrule\n\\end{{tabular}}}}\n\n\\smallskip\n"
+        f"\\parbox{{\\linewidth}}{{\\scriptsize {_latex_text(table.note)}}}\n\\end{{table}}\n"
     )
 
 
@@ -69,7 +74,8 @@ def _latex_text(text: str) -> str:
     """LaTeX of plain text. Signs of numbers become mathematical ones, and superscript digits powers."""
     text = "".join(_LATEX.get(character, character) for character in text)
     text = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"$^{{{found[0].translate(_SUPERSCRIPTS)}}}$", text)
-    return re.sub(r"(?<![\w}.])([-+])(?=\d)", r"$\1$", text)
+    text = re.sub(r"(?<![\w}.])([-+])(?=\d)", r"$\1$", text)
+    return re.sub(r"^[\[*]", r"{\g<0>}", text)  # after the end of a line they would be its option
 
 
 def markdown(tables: Sequence[TextTable]) -> str:

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from pcsr.report.colours import row_colours
 from pcsr.report.tables.comparison import Comparison
-from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.comparison_tables import paper_tables, tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.report.tables.settings import settings_that_differ
 from pcsr.report.web.difference_chart import difference_chart
@@ -51,7 +51,7 @@ def _lead(compared: Comparison) -> str:
     """Number of runs, and the tables as files that the page holds."""
     written = {
         "csv": ("text/csv", comma_separated(compared)),
-        "tex": ("application/x-tex", latex(tables(compared), compared.name)),
+        "tex": ("application/x-tex", latex(paper_tables(compared), compared.name)),
         "md": ("text/markdown", markdown(tables(compared))),
     }
     links = ", ".join(

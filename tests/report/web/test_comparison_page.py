@@ -6,6 +6,7 @@ import re
 import pytest
 
 from pcsr import report
+from pcsr.report.tables.comparison_tables import paper_tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.results import parse_results
 from pcsr.run_files import FinishedRun
@@ -104,7 +105,7 @@ def test_the_tables_can_be_taken_from_the_page(results, variant, write):
     compared = report.comparison([parse_results(one) for one in runs], "study")
     decoded = {name: base64.b64decode(content).decode() for name, content in files.items()}
     assert decoded["study.csv"] == comma_separated(compared)
-    assert decoded["study.tex"] == latex(report.tables(compared), "study")
+    assert decoded["study.tex"] == latex(paper_tables(compared), "study")
     assert decoded["study.md"] == markdown(report.tables(compared))
 
 
