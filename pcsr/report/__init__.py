@@ -67,7 +67,7 @@ def write_comparison(compared: Comparison, runs: Sequence[FinishedRun], folder: 
     """
     figures: dict[str, bytes] | str
     try:
-        figures = _figures(runs, "webp")
+        figures = _figures(runs, "webp", _first_seeds(compared, runs))
     except UserError as error:
         figures = str(error)
     path = folder / f"{compared.name}.html"
@@ -116,8 +116,16 @@ def write_figures(runs: Sequence[FinishedRun], folder: Path) -> list[Path]:
     return list(files)
 
 
-def _figures(runs: Sequence[FinishedRun], form: Literal["png", "webp"]) -> dict[str, bytes]:
-    """Image files of the figures of runs, by name.
+def _first_seeds(compared: Comparison, runs: Sequence[FinishedRun]) -> list[FinishedRun]:
+    """The run of the lowest seed of each recipe."""
+    by_results = {id(run.results): run for run in runs}
+    return [by_results[id(row.runs[0])] for row in compared.rows if row.efficiencies is not None]
+
+
+def _figures(
+    runs: Sequence[FinishedRun], form: Literal["png", "webp"], pictured: Sequence[FinishedRun] | None = None
+) -> dict[str, bytes]:
+    """Image files of the figures of runs, by name; `pictured` are those whose clouds are drawn, by default all.
 
     Raises:
         UserError: the runs are not on the same clouds, or the extra `[report]` is not installed.
@@ -125,4 +133,5 @@ def _figures(runs: Sequence[FinishedRun], form: Literal["png", "webp"]) -> dict[
     from pcsr.report.figures.canvas import encoded
     from pcsr.report.figures.paper import figures
 
-    return {name: encoded(figure, form) for name, figure in figures(run_set(runs)).items()}
+    drawn = figures(run_set(runs), None if pictured is None else run_set(pictured))
+    return {name: encoded(figure, form) for name, figure in drawn.items()}

@@ -40,7 +40,7 @@ def comparison_page(
             difference_chart(compared, colours),
             *(text_table(table, by_label) for table in others),
             "" if different is None else text_table(different, by_label, words=True),
-            _figures(figures),
+            _figures(figures, compared),
             _reports(compared.runs, folders, beside),
         )
     )
@@ -63,7 +63,7 @@ def _lead(compared: Comparison) -> str:
     return f"{count} run{'s' if count != 1 else ''}. The tables as files: {links}."
 
 
-def _figures(figures: Mapping[str, bytes] | str) -> str:
+def _figures(figures: Mapping[str, bytes] | str, compared: Comparison) -> str:
     if isinstance(figures, str):
         return f'<section><h2>Figures</h2><p class="note">None: {html.escape(figures)}</p></section>'
     shown = "".join(
@@ -71,7 +71,10 @@ def _figures(figures: Mapping[str, bytes] | str) -> str:
         f'src="data:image/webp;base64,{b64encode(image).decode()}"></p>'
         for name, image in figures.items()
     )
-    return f"<section><h2>Figures</h2>{shown}</section>"
+    note = ""
+    if compared.over_seeds:
+        note = '<p class="note">Clouds are those of the first seed of each row; lines are of all seeds.</p>'
+    return f"<section><h2>Figures</h2>{note}{shown}</section>"
 
 
 def _reports(runs: Sequence[Results], folders: Sequence[Path], beside: Path) -> str:
