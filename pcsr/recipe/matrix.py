@@ -120,7 +120,7 @@ def _labels(axis: str, values: list[Any]) -> list[str]:
 
 
 def _label(axis: str, value: Any) -> str:
-    """Return the label of an axis and value, such as `touches.3` or `fusion.cross-attention`; a group's first value is used."""
+    """Return the label of an axis and value, such as `fusion.cross-attention`; a group's first value is used."""
     first = next(iter(value.values())) if _is_group(value) else value
     named = first.get("use", "") if isinstance(first, dict) else first
     text = named if isinstance(named, str) else shown(named)

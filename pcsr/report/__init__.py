@@ -14,7 +14,7 @@ from pcsr.report.tables.run_table import few_steps, summary, table
 from pcsr.report.web.comparison_page import comparison_page
 from pcsr.report.web.document import plotly_source
 from pcsr.report.web.page import render
-from pcsr.run_files import FinishedRun
+from pcsr.run_files import REPORT, FinishedRun
 
 __all__ = [
     "Comparison",
@@ -28,8 +28,6 @@ __all__ = [
     "write_page",
     "write_tables",
 ]
-
-REPORT = "report.html"
 
 
 def write_page(run: FinishedRun, path: Path | None = None) -> Path:
