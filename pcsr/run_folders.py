@@ -138,7 +138,7 @@ def run_folders(runs: Path) -> list[RunFolder]:
 
 
 def find_runs(named: Path, runs: Path) -> list[Path]:
-    """Return the run folders that a pattern of the shell matches, such as `smoke-*`, or the one that `find_run` returns.
+    """Return the run folders that a pattern of the shell matches, such as `smoke-*`, or that of `find_run`.
 
     Raises:
         UserError: there is none, or several begin like that.

@@ -17,7 +17,8 @@ from pcsr.errors import UserError
 def report(runs: tuple[Path, ...], out: Path | None, inside: Path) -> None:
     """Write the reports of finished runs again.
 
-    RUN is a run folder, its name, or the beginning of its name. The page is made from its files alone; nothing is computed.
+    RUN is a run folder, its name, or the beginning of its name. The page is made from its files alone;
+    nothing is computed.
     """
     from pcsr.extras import require
     from pcsr.report import write_page

@@ -8,6 +8,7 @@ import click
 
 from pcsr.cli import streams
 from pcsr.cli.options import FILE
+from pcsr.counted import counted
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def _facts(run: "RunFolder") -> list[tuple[str, str]]:
     facts += [("part", f"{key}: {name}") for key, name in run.parts.items()]
     if run.results is not None:
         training = run.results.training
-        steps = "" if training.steps is None else f", {training.steps} steps"
+        steps = "" if training.steps is None else f", {counted(training.steps, 'step')}"
         facts.append(("training", f"{training.source}{steps}"))
     try:
         stages = read_environment(run.folder)

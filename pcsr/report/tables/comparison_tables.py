@@ -91,7 +91,7 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
     spread = f"the means of {len(seeds)} seeds ({', '.join(map(str, seeds))})" if compared.over_seeds else "the objects"
     sizes = " or ".join(dict.fromkeys(f"{run.data.points} points to {run.data.truth}" for run in runs))
     note = (
-        f"{len(runs[0].objects)} objects, {data.split} split of {data.shapes}; {sizes}; "
+        f"{counted(len(runs[0].objects), 'object')}, {data.split} split of {data.shapes}; {sizes}; "
         f"{data.normalisation.removesuffix('.')}. Mean ± sample standard deviation over {spread}; lower is better. "
     )
     if compared.tested > 1:
@@ -131,15 +131,17 @@ def _differences_from_first(compared: Comparison) -> TextTable | None:
     objects = len(first.runs[0].objects)
     heads = ["", *(scaled(metric, note.scale) for metric, note in compared.metrics.items())]
     note = (
-        f"Mean difference from {first.label}, paired over {objects} objects in the mean over seeds; negative is "
-        f"better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the objects; it "
+        f"Mean difference from {first.label}, paired over {counted(objects, 'object')} in the mean over seeds; "
+        f"negative is better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the objects; it "
         f"does not cover the variation between seeds. p: Wilcoxon signed-rank test, after Holm's correction for all "
         f"pairs of {compared.tested} rows. Wins: objects on which the row is better"
     )
     if any(one is not None and one.better_seeds is not None for each in compared.differences.values() for one in each):
         note += "; seeds: those with which its mean is lower"
     if smallest_p(objects, compared.tested) >= LEVEL:
-        note += f". {objects} objects are too few for any significant difference between {compared.tested} rows"
+        verb = "is" if objects == 1 else "are"
+        note += f". {counted(objects, 'object')} {verb} too few for any significant difference "
+        note += f"between {compared.tested} rows"
     return TextTable(f"Differences from {first.label}", heads, cells, f"{note}.")
 
 

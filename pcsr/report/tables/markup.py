@@ -25,10 +25,11 @@ _LATEX = (
 _FITTED = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 COLUMNS = (
-    *("row", "seeds", "objects", "metric", "scale", "mean", "sd", "sd_over", "best", "compared_with", "difference"),
-    *("ci_low", "ci_high", "p_holm", "wins", "published", "parameters", "seconds_per_cloud", "seconds_per_epoch"),
+    *("row", "seeds", "objects", "metric", "multiplied_by", "mean", "sd", "sd_over", "best", "compared_with"),
+    *("difference", "ci_low", "ci_high", "p_holm", "wins", "seeds_better", "published", "touch_efficiency"),
+    *("parameters", "seconds_per_cloud", "seconds_per_epoch"),
 )
-"""Columns of the CSV file."""
+"""Columns of the CSV file, which docs/comparing.md describes."""
 
 
 def latex(tables: Sequence[TextTable], label: str) -> str:
@@ -103,24 +104,27 @@ def _markdown_text(text: str) -> str:
 def comma_separated(compared: Comparison) -> str:
     """CSV of a comparison: a line for each row and metric, with unrounded numbers.
 
-    Values are multiplied by the column `scale`. A field is empty where there is no such number.
+    Values are those of the metric times the column `multiplied_by`. A field is empty where there is no such number.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    over = "seeds" if compared.over_seeds else "objects"
     for number, row in enumerate(compared.rows):
         for metric, note in compared.metrics.items():
             difference = compared.differences[metric][number]
             low, high = (None, None) if difference is None or difference.interval is None else difference.interval
             spread = row.spread(metric, over_seeds=compared.over_seeds)
+            over = None if spread is None else "seeds" if compared.over_seeds else "objects"
+            efficiencies = [one for one in row.efficiencies or () if one is not None]
             writer.writerow(
                 [
                     *(row.label, " ".join(map(str, row.seeds)), len(row.runs[0].objects), metric, note.scale),
                     *(row.mean(metric), spread, over, compared.best[metric] == number),
                     *(None if difference is None else compared.first.label, difference and difference.mean),
                     *(low, high, difference and difference.p_value, difference and difference.wins),
-                    *(row.published.get(metric), row.parameters, row.seconds, row.epoch),
+                    *(difference and difference.better_seeds, row.published.get(metric)),
+                    sum(efficiencies) / len(efficiencies) if efficiencies else None,
+                    *(row.parameters, row.seconds, row.epoch),
                 ]
             )
     return text.getvalue()

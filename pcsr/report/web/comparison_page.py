@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
+from pcsr.counted import counted
 from pcsr.report.colours import row_colours
 from pcsr.report.tables.comparison import Comparison
 from pcsr.report.tables.comparison_tables import paper_tables, tables
@@ -59,8 +60,7 @@ def _lead(compared: Comparison) -> str:
         f'{b64encode(text.encode()).decode()}">{name}</a>'
         for name, (suffix, (kind, text)) in zip(("CSV", "LaTeX", "Markdown"), written.items(), strict=True)
     )
-    count = len(compared.runs)
-    return f"{count} run{'s' if count != 1 else ''}. The tables as files: {links}."
+    return f"{counted(len(compared.runs), 'run')}. The tables as files: {links}."
 
 
 def _figures(figures: Mapping[str, bytes] | str, compared: Comparison) -> str:

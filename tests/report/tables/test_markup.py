@@ -5,6 +5,7 @@ import io
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -109,6 +110,26 @@ def test_csv_has_unrounded_numbers(compared):
     assert (float(second["difference"]), float(second["p_holm"])) == (difference.mean, difference.p_value)
     assert (float(second["ci_low"]), float(second["ci_high"])) == difference.interval
     assert (second["compared_with"], second["wins"], second["best"], second["seeds"]) == ("a_b", "0", "False", "0")
+
+
+def test_csv_has_seeds_touch_and_no_spread_that_is_none(results, touch, variant):
+    runs = [variant(results, f"s-{name}-seed.{k}", seed=k, model=name, factor=factor + 0.1 * k)
+            for name, factor in (("a", 1.0), ("b", 0.5)) for k in range(2)]  # fmt: skip
+    made = report.comparison([parse_results(one) for one in runs], "s")
+    lines = list(csv.DictReader(io.StringIO(comma_separated(made))))
+    by_row = {line["row"]: line for line in lines if line["metric"] == "cd"}
+    assert (by_row["b"]["seeds_better"], by_row["a"]["seeds_better"]) == ("2", "")
+    assert float(by_row["b"]["touch_efficiency"]) == pytest.approx(1 / 3)
+    assert (by_row["b"]["sd_over"], by_row["b"]["multiplied_by"]) == ("seeds", "1000")
+    midpoint = by_row["midpoint"]
+    assert [midpoint[key] for key in ("sd", "sd_over", "seeds_better", "touch_efficiency")] == ["", "", "", ""]
+
+
+def test_every_column_of_the_csv_is_documented():
+    text = (Path(__file__).parents[3] / "docs" / "comparing.md").read_text(encoding="utf-8")
+    table = text.partition("## The CSV file")[2].partition("\n## ")[0]
+    heads = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    assert re.findall(r"`(\w+)`", "".join(heads)) == list(COLUMNS)
 
 
 def test_files_are_written_in_each_format(compared, tmp_path):
