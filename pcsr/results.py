@@ -6,6 +6,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
+from pcsr.counted import counted
 from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.metrics.touch_effect import TouchEffect
@@ -141,9 +142,9 @@ class Results(BaseModel):
         found = []
         if epochs is not None:
             stopped = training.epochs is not None and training.epochs < epochs
-            found.append(f"{training.epochs:g} of {epochs} epochs" if stopped else f"{epochs} epochs")
+            found.append(f"{training.epochs:g} of {epochs} epochs" if stopped else counted(epochs, "epoch"))
         if training.steps is not None:
-            found.append(f"{training.steps} steps")
+            found.append(counted(training.steps, "step"))
         if training.best_step is not None:
             found.append(f"weights of step {training.best_step}")
         return found

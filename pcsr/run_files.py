@@ -20,6 +20,7 @@ from pcsr.weights import WEIGHTS
 Cloud = Float[np.ndarray, "_ 3"]
 RESULTS, EXAMPLES, HISTORY = "results.json", "examples.safetensors", "metrics.jsonl"
 RECIPE, ENVIRONMENT, CHECKPOINT = "recipe.json", "environment.json", "checkpoint.safetensors"
+REPORT = "report.html"
 PLUGINS = "plugins"
 """Folder, within a run folder, of the copies of plugin files."""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-FORMATS = {"latex": "LaTeX, with booktabs", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
+FORMATS = {"latex": "LaTeX, with booktabs and graphicx", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
 """Formats of tables, each of which is an option of the command line."""
 
 
@@ -79,7 +79,7 @@ def show(
     folder: Path,
     files: dict[str, Path] | None = None,
 ) -> None:
-    """Print the tables of runs, and write them to a page and to files.
+    """Write the tables of runs to a page and to files, and print them.
 
     Args:
         runs: the runs, at least one.
@@ -96,13 +96,15 @@ def show(
 
     console = streams.console()
     compared = report.comparison([one.results for one in runs], name, left_out)
-    for table in report.tables(compared):
-        console.print(table)
-    page = report.write_comparison(compared, runs, folder)
-    console.print(f"all runs: {page}", soft_wrap=True, markup=False, highlight=False)
+    # Before anything is printed, as the reader of a pipe may end after a few lines.
     for kind, path in (files or {}).items():
         report.write_tables(compared, kind, path)
+    page = report.write_comparison(compared, runs, folder)
+    for table in report.tables(compared):
+        console.print(table)
+    for kind, path in (files or {}).items():
         console.print(f"{kind}: {path}", soft_wrap=True, markup=False, highlight=False)
+    console.print(f"all runs: {page}", soft_wrap=True, markup=False, highlight=False)
 
 
 def check_failed(failed: Sequence[str], total: int) -> None:

@@ -7,23 +7,36 @@ from pathlib import Path
 import click
 
 from pcsr.cli.options import FILE
+from pcsr.cli.runs_where import chosen, where_option
 from pcsr.errors import RunError, UserError, printable
 
 
 @click.command("rm")
-@click.argument("named", nargs=-1, required=True, type=FILE, metavar="RUN...")
+@click.argument("named", nargs=-1, type=FILE, metavar="[RUN...]")
+@where_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.pass_obj
-def remove(runs: Path, named: tuple[Path, ...], yes: bool) -> None:
+def remove(runs: Path, named: tuple[Path, ...], conditions: tuple[str, ...], yes: bool) -> None:
     """Remove run folders with all of their files.
 
-    RUN is a run folder, its name, or the beginning of its name. Weights that other recipes name are removed too.
+    RUN is a run folder, its name, the beginning of its name, or a pattern in quotes. With --where, only those of the
+    named runs, or of all runs, that match are removed. Lists the runs and asks. Weights that other recipes name are
+    removed too.
     """
     from pcsr.limits import gigabytes
-    from pcsr.run_folders import RunFolder, find_run
+    from pcsr.run_folders import RunFolder, find_runs, run_folders
 
-    folders = list(dict.fromkeys(find_run(one, runs) for one in named))
-    found = [RunFolder.read(folder) for folder in folders]
+    if not named and not conditions:
+        raise UserError("no run is named: name one, a pattern such as 'smoke-*', or --where KEY=PATTERN")
+    if named:
+        each = dict.fromkeys(folder for one in named for folder in find_runs(one, runs))
+        found = [RunFolder.read(folder) for folder in each]
+    else:
+        found = run_folders(runs)
+    found = chosen(found, conditions)
+    if not found:
+        raise UserError(f"no run matches {' and '.join(conditions)}: pcsr runs --where lists those that do")
+    folders = [run.folder for run in found]
     for folder in folders:
         if folder.is_symlink():
             raise UserError(f"{folder} is a link: remove the folder that it points to, {folder.resolve()}")

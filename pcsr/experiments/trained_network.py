@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import Progress
 
 import pcsr
+from pcsr.counted import counted
 from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
@@ -95,7 +96,7 @@ def trained(
             progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
         why = "--retrain" if options.retrain else "no weights of exactly this recipe yet"
         step = checkpoint_step(training_folder, fingerprint)
-        epochs = f"{recipe.train.epochs} epochs"
+        epochs = counted(recipe.train.epochs, "epoch")
         doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
         progress.console.print(f"{why}: {doing}")
     card = _card(recipe, fingerprint, options)

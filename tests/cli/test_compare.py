@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from pcsr.cli import pcsr
+from pcsr.cli import comparing, pcsr
 from pcsr.errors import RunError, UserError
+from pcsr.run_files import read_run
 from tests.small_run import put, unfinish
 
 SMOKE = str(Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml")
@@ -149,6 +150,18 @@ def test_finished_runs_become_one_table_and_files(compare, tmp_path):
     assert "| fusion.none |" in (tmp_path / "table.md").read_text(encoding="utf-8")
     page = (tmp_path / "runs" / "compare.html").read_text(encoding="utf-8")
     assert 'href="net-fusion.mine-seed.0-ab12/report.html"' in page
+
+
+def test_files_are_written_before_anything_is_printed(tmp_path, monkeypatch):
+    class Closed:
+        def print(self, *_, **__):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(comparing.streams, "console", Closed)
+    with pytest.raises(BrokenPipeError):
+        comparing.show([read_run(put(tmp_path / "a"))], [], "page", tmp_path, {"latex": tmp_path / "t.tex"})
+    assert (tmp_path / "t.tex").exists()
+    assert (tmp_path / "page.html").exists()
 
 
 def test_finished_runs_are_compared_with_recipes_that_are_run(compare, tmp_path):

@@ -181,7 +181,7 @@ def test_a_row_of_a_study_is_run_alone_and_the_study_then_finds_it(call, data, t
     words = ("study.yaml", *SMALL, "--data", data[0])
     run(call, *words, "--row", 2)
     (folder,) = Path("runs").glob("study-*")
-    assert folder.name.startswith("study-learning.rate.0.002-")
+    assert folder.name.startswith("study-learning_rate.0.002-")
     before = (folder / "weights.safetensors").read_bytes()
     printed = run(call, *words)
     assert "all runs: runs/study.html" in printed

@@ -31,7 +31,7 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
           metrics: [cd, chamfer]
     """)
     assert lines(path, registry) == [
-        "recipe.yaml:1:7: name: it must be up to 200 of a-z, 0-9, . and -, the first a letter or a digit, got 'Bad Name'",  # noqa: E501
+        "recipe.yaml:1:7: name: it must be up to 200 of a-z, 0-9, ., _ and -, the first a letter or a digit, got 'Bad Name'",  # noqa: E501
         "recipe.yaml:2:1: a recipe takes no 'sed': did you mean 'seed'?",
         "recipe.yaml:4:12: data.touches: it must be a whole number, got 'many'",
         "recipe.yaml:5:31: touch 'digit'.points: it must be a whole number, got 6.5",
