@@ -24,8 +24,8 @@ class GraftedNetwork(Grafted):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        # A network that is never trained needs no gradients of its weights.
-        self.network.requires_grad_(not self.frozen)
+        if self.frozen:  # a network that is never trained needs no gradients of its weights
+            self.network.requires_grad_(False)
 
     def forward(  # type: ignore[override]  # its host calls it with clouds, not with the network's arguments
         self, points: Points, rate: int, touches: TouchBatch | None = None

@@ -62,6 +62,7 @@ def test_a_graft_is_trained_with_its_network(read, tmp_path, overrides):
     moved = {name for name, tensor in after.state_dict().items() if not torch.equal(tensor, before.state_dict()[name])}
     assert {"network", "fusion", "touch_encoder"} == {name.partition(".")[0] for name in moved}
     assert any(name.endswith("running_mean") for name in moved)
+    assert "network.decoder.kernel" not in moved, "its author does not train it"
 
 
 def test_a_frozen_network_stays_as_it_was_in_batches_without_touches_too(read, tmp_path):
