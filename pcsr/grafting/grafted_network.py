@@ -1,5 +1,6 @@
 """A grafted network with the interface of pcsr's own networks, so that it is trained, measured and used like them."""
 
+from contextlib import nullcontext
 from typing import Any
 
 import torch
@@ -11,6 +12,7 @@ from pcsr.grafting.calling import dense_clouds
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import with_points
 from pcsr.grafting.observation import one_line
+from pcsr.random_state import seeded
 from pcsr.tensors import Dense, Points
 
 UPSAMPLER = Upsampler()
@@ -53,12 +55,16 @@ class GraftedNetwork(Grafted):
         args, kwargs = with_points(self.injection_point.points, cloud, arguments, keywords)
         touched = {} if touches is None else {"touches": touches.points, "mask": touches.mask}
         name = type(self.network).__name__
+        exporting = torch.compiler.is_exporting()
+        # Some networks sample their points from a random one on. In training the states are seeded for each step.
+        fixed = nullcontext() if self.training or exporting else seeded([0], cloud.device)
         try:
-            result = super().forward(*args, **touched, **kwargs)
+            with fixed:
+                result = super().forward(*args, **touched, **kwargs)
         except PcsrError:
             raise
         except Exception as error:  # foreign code may raise any error
-            if torch.compiler.is_exporting():  # whose own errors are part of its way of working
+            if exporting:  # whose own errors are part of its way of working
                 raise
             text = f"{type(error).__name__}: {one_line(error)}"
             raise UserError(f"{name} fails on points of {tuple(cloud.shape)}: {text}") from error

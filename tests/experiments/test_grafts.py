@@ -103,6 +103,46 @@ def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(read, tmp_p
     )
 
 
+RANDOM = """\
+import random
+
+import numpy as np
+import torch
+from torch import nn
+
+class Random(nn.Module):
+    \"""It draws from the states of torch, numpy and Python: initial weights, dropout, and a random first point.\"""
+
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(3, 8)
+        self.fixed = nn.Parameter(torch.tensor(np.random.rand(8, 12) - random.random()).float())
+        self.dropout = nn.Dropout(0.5)
+
+    def forward(self, points):
+        first = points[:, torch.randint(points.shape[1], (1,))]
+        offsets = self.dropout(self.layer(points - first)) @ self.fixed
+        return (points.unsqueeze(2) + offsets.unflatten(2, (4, 3))).flatten(1, 2)
+"""
+
+
+def test_a_network_that_draws_random_numbers_depends_on_the_seed_alone(read, tmp_path):
+    (tmp_path / "random_network.py").write_text(RANDOM)
+    recipe, registry = read(
+        "model.graft.network=random_network.py:Random", "model.graft.options={}", "model.graft.at=layer"
+    )
+    assert same(build(recipe, registry), build(recipe, registry))
+    whole = trained(recipe, tmp_path / "whole", registry=registry)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "parts", registry=registry, shown=stop_at(3), checkpoint_every=0.0)
+    resumed = trained(recipe, tmp_path / "parts", registry=registry)
+    assert same(whole, resumed)
+    points = torch.rand(2, 24, 3)
+    state = torch.get_rng_state()
+    assert torch.equal(whole(points, 4), whole(points, 4))
+    assert torch.equal(torch.get_rng_state(), state)
+
+
 def test_intermediate_clouds_are_the_stages_of_the_network(read):
     recipe, registry = read()
     grafted = build(recipe, registry).train()
