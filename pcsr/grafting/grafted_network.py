@@ -49,6 +49,8 @@ class GraftedNetwork(Grafted):
 
     def stages(self, points: Points, rate: int, touches: TouchBatch | None = None) -> list[Dense]:
         """Upsample, and return the intermediate clouds among the network's outputs too: the result last."""
+        if self.injection_point.smallest_batch > 1 and len(points) == 1:
+            return [cloud[:1] for cloud in self.stages(points.repeat(2, 1, 1), rate, _twice(touches))]
         cloud = points.clone() if self.injection_point.points_layout == "bnc" else points.transpose(1, 2).contiguous()
         calling = self.calling
         arguments, keywords = ((), {}) if calling is None else (calling.arguments, calling.keywords)
@@ -89,3 +91,9 @@ class GraftedNetwork(Grafted):
     def parameter_count(self) -> int:
         """Number of weights."""
         return sum(p.numel() for p in self.parameters())
+
+
+def _twice(touches: TouchBatch | None) -> TouchBatch | None:
+    if touches is None:
+        return None
+    return TouchBatch.of(touches.points.repeat(2, 1, 1, 1), touches.mask.repeat(2, 1))

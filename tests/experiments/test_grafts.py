@@ -6,6 +6,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import UserError
 from pcsr.experiments.environment import plugin_files
 from pcsr.experiments.run import check_graft
@@ -141,6 +142,35 @@ def test_a_network_that_draws_random_numbers_depends_on_the_seed_alone(read, tmp
     state = torch.get_rng_state()
     assert torch.equal(whole(points, 4), whole(points, 4))
     assert torch.equal(torch.get_rng_state(), state)
+
+
+SQUEEZING = """\
+import torch
+from torch import nn
+
+class Squeezing(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer, self.norm, self.head = nn.Conv1d(3, 8, 1), nn.BatchNorm1d(8), nn.Conv1d(8, 12, 1)
+
+    def forward(self, points):
+        features = self.norm(self.layer(points.transpose(1, 2)).unsqueeze(3).squeeze())
+        return points.repeat(1, 4, 1) + self.head(features).unflatten(1, (3, 4)).flatten(2).transpose(1, 2)
+"""
+
+
+def test_a_network_that_fails_on_one_cloud_is_trained_and_used(read, tmp_path):
+    """Validation, and the upsampling of a cloud of one patch, have batches of one."""
+    (tmp_path / "squeezing.py").write_text(SQUEEZING)
+    recipe, registry = read("model.graft={network: squeezing.py:Squeezing, at: layer, fusion: concat}")
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    points, touches = torch.rand(2, 24, 3) - 0.5, (torch.rand(2, 2, 16, 3) - 0.5) / 5
+    mask = torch.tensor([[True, False], [True, True]])
+    both = after(points, 4, TouchBatch.of(touches, mask))
+    for row in range(2):
+        alone = after(points[row : row + 1], 4, TouchBatch.of(touches[row : row + 1], mask[row : row + 1]))
+        torch.testing.assert_close(alone[0], both[row])
+    assert after(points[:1], 4).shape == (1, 96, 3)
 
 
 def test_intermediate_clouds_are_the_stages_of_the_network(read):
