@@ -44,6 +44,8 @@ FLOORS = {
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.counted": 0,
+    "pcsr.random_state": 0,
     "pcsr.version": 0,
     "pcsr.validation_messages": 0,
     "pcsr.extras": 0,

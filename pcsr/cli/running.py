@@ -147,6 +147,7 @@ def run_each(
 
     from pcsr import report
     from pcsr.experiments.run import run
+    from pcsr.run_files import REPORT
 
     console, log = streams.console(), streams.console(error=True)
     finished: list[FinishedRun | None] = []
@@ -165,7 +166,7 @@ def run_each(
             done = None
         finished.append(done)
         if done is not None:
-            where_to = f"report: {done.folder / report.REPORT}"
+            where_to = f"report: {done.folder / REPORT}"
             if alone or console.is_terminal:
                 console.print(report.table(done.results))
             else:  # the table of all runs follows

@@ -56,6 +56,8 @@ class Loader:
         augment: names of augmentations, as `train.augment` in a recipe.
         seed: seed of the batches.
         plugins: Python files with parts that the recipe names.
+        jobs: number of processes that build the data of a recipe. More than one import the script again, whose
+            statements must then be under `if __name__ == "__main__":`.
 
     Raises:
         UserError: there are no such data, or not as many touches; or an unknown augmentation.
@@ -80,6 +82,7 @@ class Loader:
         augment: Sequence[str] = DEFAULT_AUGMENT,
         seed: int = 0,
         plugins: Sequence[str | Path] = (),
+        jobs: int = 1,
     ) -> None:
         for name in augment:
             if name not in get_args(Augmentation):
@@ -88,7 +91,7 @@ class Loader:
             raise UserError(f"batch is {batch}: it must be at least 1")
         if not 0 <= seed < 2**32:
             raise UserError(f"seed is {seed}: it must be 0 or more, and less than {2**32}")
-        loaded, sampling, most = _loaded([data] if isinstance(data, str | Path) else data, split, plugins)
+        loaded, sampling, most = _loaded([data] if isinstance(data, str | Path) else data, split, plugins, jobs)
         low, high = (touches, touches) if isinstance(touches, int) else touches or (most, most)
         if not 0 <= low <= high <= most:
             raise UserError(f"touches is {touches}: the data have {most} of each object, so give 0 to {most}")
@@ -115,7 +118,7 @@ class Loader:
             yield TrainingBatch(batch.points, batch.touches.points, batch.touches.mask, batch.truth)
 
 
-def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path]) -> tuple[Split, str, int]:
+def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path], jobs: int) -> tuple[Split, str, int]:
     """Load or build a split; return it with its sampling and its number of touches."""
     folders = [Path(one) for one in data]
     if len(folders) > 1 or os.path.isdir(folders[0]):
@@ -132,5 +135,5 @@ def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path
     if split not in SPLITS:
         raise UserError(f"split is {split!r}: {did_you_mean(str(split), SPLITS)}")
     with progress_bars(Console(stderr=True), hidden=False) as progress:
-        loaded = data_of(recipe, registry, Path("runs"))[1](split, progress)
+        loaded = data_of(recipe, registry, Path("runs"), jobs=jobs)[1](split, progress)
     return loaded, recipe.data.sampling, recipe.most_touches

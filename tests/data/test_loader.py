@@ -1,5 +1,9 @@
 """`pcsr.Loader`: batches for a training loop of one's own, the same as those of `pcsr run`."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 import torch
 
@@ -12,6 +16,7 @@ from pcsr.data.plan import Plan
 from pcsr.errors import UserError
 from pcsr.workers import worker_pool
 from tests.data.splits import clouds
+from tests.processes import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +86,29 @@ def test_a_recipe_of_many_runs_is_refused(tmp_path):
         pcsr.Loader("smoke", "tests")
     with pytest.raises(UserError, match=r"plugins='mine\.py' is one file: give a list, plugins=\['mine\.py'\]"):
         pcsr.Loader("smoke", plugins="mine.py")
+
+
+SCRIPT = """\
+import pcsr
+
+for batch in pcsr.Loader("tiny.yaml", batch=2):
+    print(tuple(batch.points.shape))
+"""
+
+
+def test_a_plain_script_builds_the_data_of_a_recipe(tmp_path):
+    """Worker processes would import the script again, and it starts them outside of `if __name__ == "__main__":`."""
+    data = "{shapes: {use: blobs, count: 14, held_out: 2}, points: 16, rate: 4, touches: 1}"
+    (tmp_path / "tiny.yaml").write_text(f"extends: smoke\nname: tiny\ndata: {data}\n")
+    (tmp_path / "script.py").write_text(SCRIPT)
+    path = os.pathsep.join([str(ROOT), str(ROOT / "plugins"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.splitlines() == ["(2, 16, 3)"] * 7, done.stderr
+    assert "Traceback" not in done.stderr

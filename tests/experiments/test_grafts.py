@@ -6,6 +6,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from pcsr.contracts import TouchBatch
 from pcsr.errors import UserError
 from pcsr.experiments.environment import plugin_files
 from pcsr.experiments.run import check_graft
@@ -62,6 +63,7 @@ def test_a_graft_is_trained_with_its_network(read, tmp_path, overrides):
     moved = {name for name, tensor in after.state_dict().items() if not torch.equal(tensor, before.state_dict()[name])}
     assert {"network", "fusion", "touch_encoder"} == {name.partition(".")[0] for name in moved}
     assert any(name.endswith("running_mean") for name in moved)
+    assert "network.decoder.kernel" not in moved, "its author does not train it"
 
 
 def test_a_frozen_network_stays_as_it_was_in_batches_without_touches_too(read, tmp_path):
@@ -100,6 +102,75 @@ def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(read, tmp_p
     assert all(
         torch.equal(a, b) for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True)
     )
+
+
+RANDOM = """\
+import random
+
+import numpy as np
+import torch
+from torch import nn
+
+class Random(nn.Module):
+    \"""It draws from the states of torch, numpy and Python: initial weights, dropout, and a random first point.\"""
+
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(3, 8)
+        self.fixed = nn.Parameter(torch.tensor(np.random.rand(8, 12) - random.random()).float())
+        self.dropout = nn.Dropout(0.5)
+
+    def forward(self, points):
+        first = points[:, torch.randint(points.shape[1], (1,))]
+        offsets = self.dropout(self.layer(points - first)) @ self.fixed
+        return (points.unsqueeze(2) + offsets.unflatten(2, (4, 3))).flatten(1, 2)
+"""
+
+
+def test_a_network_that_draws_random_numbers_depends_on_the_seed_alone(read, tmp_path):
+    (tmp_path / "random_network.py").write_text(RANDOM)
+    recipe, registry = read(
+        "model.graft.network=random_network.py:Random", "model.graft.options={}", "model.graft.at=layer"
+    )
+    assert same(build(recipe, registry), build(recipe, registry))
+    whole = trained(recipe, tmp_path / "whole", registry=registry)
+    with pytest.raises(KeyboardInterrupt):
+        trained(recipe, tmp_path / "parts", registry=registry, shown=stop_at(3), checkpoint_every=0.0)
+    resumed = trained(recipe, tmp_path / "parts", registry=registry)
+    assert same(whole, resumed)
+    points = torch.rand(2, 24, 3)
+    state = torch.get_rng_state()
+    assert torch.equal(whole(points, 4), whole(points, 4))
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+SQUEEZING = """\
+import torch
+from torch import nn
+
+class Squeezing(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer, self.norm, self.head = nn.Conv1d(3, 8, 1), nn.BatchNorm1d(8), nn.Conv1d(8, 12, 1)
+
+    def forward(self, points):
+        features = self.norm(self.layer(points.transpose(1, 2)).unsqueeze(3).squeeze())
+        return points.repeat(1, 4, 1) + self.head(features).unflatten(1, (3, 4)).flatten(2).transpose(1, 2)
+"""
+
+
+def test_a_network_that_fails_on_one_cloud_is_trained_and_used(read, tmp_path):
+    """Validation, and the upsampling of a cloud of one patch, have batches of one."""
+    (tmp_path / "squeezing.py").write_text(SQUEEZING)
+    recipe, registry = read("model.graft={network: squeezing.py:Squeezing, at: layer, fusion: concat}")
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    points, touches = torch.rand(2, 24, 3) - 0.5, (torch.rand(2, 2, 16, 3) - 0.5) / 5
+    mask = torch.tensor([[True, False], [True, True]])
+    both = after(points, 4, TouchBatch.of(touches, mask))
+    for row in range(2):
+        alone = after(points[row : row + 1], 4, TouchBatch.of(touches[row : row + 1], mask[row : row + 1]))
+        torch.testing.assert_close(alone[0], both[row])
+    assert after(points[:1], 4).shape == (1, 96, 3)
 
 
 def test_intermediate_clouds_are_the_stages_of_the_network(read):
