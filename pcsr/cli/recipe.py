@@ -26,7 +26,7 @@ def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Regist
     """Check recipes and report all mistakes.
 
     Each mistake is printed on one line with its file, line and column, and how to mend it. The runs of a study are
-    listed with their numbers for `pcsr run --row`.
+    listed with their numbers for pcsr run --row.
     """
     from pcsr.errors import UserError
     from pcsr.recipe import load

@@ -132,9 +132,9 @@ def _differences_from_first(compared: Comparison) -> TextTable | None:
     heads = ["", *(scaled(metric, note.scale) for metric, note in compared.metrics.items())]
     note = (
         f"Mean difference from {first.label}, paired over {counted(objects, 'object')} in the mean over seeds; "
-        f"negative is better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the objects; it "
-        f"does not cover the variation between seeds. p: Wilcoxon signed-rank test, after Holm's correction for all "
-        f"pairs of {compared.tested} rows. Wins: objects on which the row is better"
+        f"negative is better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the "
+        f"objects; it does not cover the variation between seeds. p: Wilcoxon signed-rank test, after Holm's "
+        f"correction for all pairs of {compared.tested} rows. Wins: objects on which the row is better"
     )
     if any(one is not None and one.better_seeds is not None for each in compared.differences.values() for one in each):
         note += "; seeds: those with which its mean is lower"
