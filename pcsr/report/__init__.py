@@ -17,6 +17,7 @@ from pcsr.report.web.page import render
 from pcsr.run_files import REPORT, FinishedRun
 
 __all__ = [
+    "REPORT",
     "Comparison",
     "comparison",
     "few_steps",

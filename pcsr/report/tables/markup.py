@@ -124,7 +124,7 @@ def comma_separated(compared: Comparison) -> str:
                     *(low, high, difference and difference.p_value, difference and difference.wins),
                     *(difference and difference.better_seeds, row.published.get(metric)),
                     sum(efficiencies) / len(efficiencies) if efficiencies else None,
-                    *(row.parameters, row.seconds, row.epoch),
+                    *(row.parameters or None, row.seconds, row.epoch),
                 ]
             )
     return text.getvalue()

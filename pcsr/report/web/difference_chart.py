@@ -56,7 +56,11 @@ def _panel(compared: Comparison, metric: str, colours: Sequence[str]) -> str:
     for row, colour, one in rows:
         left, right = (min(max(end, low), high) for end in _ends(one))
         text = html.escape(difference_text(one, row, digits).replace("\n", ", "))
-        marks = f'<i class="bar" style="left: {at(left)}; right: calc(100% - {at(right)}); background: {colour}"></i>'
+        marks = ""
+        if _ends(one)[0] <= high and _ends(one)[1] >= low:
+            marks = (
+                f'<i class="bar" style="left: {at(left)}; right: calc(100% - {at(right)}); background: {colour}"></i>'
+            )
         if low <= one.mean <= high:
             marks += f'<i class="dot" style="left: {at(one.mean)}; background: {colour}"></i>'
         if _ends(one)[0] < low:

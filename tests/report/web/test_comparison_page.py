@@ -111,6 +111,7 @@ def test_a_baseline_beyond_the_scale_of_the_networks_is_an_arrow(results, varian
     network, far, near, ticks = panel.split('<div class="line')[1:]
     assert "beyond" not in network + near
     assert 'class="dot"' not in far
+    assert 'class="bar"' not in far
     assert re.search(r'class="beyond" style="right: 0; color: #\w+">▶', far)
     assert float(re.search(r'class="bar" style="left: ([\d.]+)%', network)[1]) == pytest.approx(4, abs=0.02)
     assert 'style="left: 0; transform: none"' in ticks, "an end's number does not leave the box"
