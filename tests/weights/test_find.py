@@ -59,9 +59,7 @@ def test_a_run_without_weights_has_those_of_the_other_run_of_its_recipe(tmp_path
     put(tmp_path / "row-ab12cd34")
     write("other-ab12cd34", fingerprint="ab12cd34ef1", data_fingerprint="f00")
     write("rebuilt-ab12cd34", fingerprint="ab12cd34ef0", data_fingerprint="f01")
-    with pytest.raises(
-        UserError, match=r"row-ab12cd34 holds no weights\.safetensors, and .* none of another run"
-    ):
+    with pytest.raises(UserError, match=r"row-ab12cd34 holds no weights\.safetensors, and .* none of another run"):
         find("row-ab12cd34", tmp_path)
     write("trained-ab12cd34", fingerprint="ab12cd34ef0", data_fingerprint="f00")
     assert find("row-ab12cd34", tmp_path) == tmp_path / "trained-ab12cd34" / weights.WEIGHTS
