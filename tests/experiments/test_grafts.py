@@ -1,5 +1,6 @@
 """Training of grafts on foreign networks: what is trained, what stays, and what is refused before it begins."""
 
+import re
 import shutil
 
 import pytest
@@ -192,6 +193,11 @@ def test_weights_of_a_run_come_back_with_the_file_of_the_network_alone(read, tmp
     points = torch.rand(1, 24, 3)
     assert torch.equal(loaded(points, 4), grafted(points, 4))
     with pytest.raises(UserError, match=r"need the network 'Cascade' of the file cascade\.py: hand in that file"):
+        load_weights(path, load_plugins())
+    copy = tmp_path / "plugins" / "cascade" / "cascade.py"
+    copy.parent.mkdir(parents=True)
+    shutil.copy(tmp_path / "cascade.py", copy)
+    with pytest.raises(UserError, match=f"of which the run has a copy, {re.escape(str(copy))}"):
         load_weights(path, load_plugins())
     (tmp_path / "cascade.py").write_text(
         (tmp_path / "cascade.py").read_text().replace("nn.Conv1d(3, c", "nn.Conv1d(3, 2 * c")

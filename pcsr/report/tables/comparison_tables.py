@@ -100,6 +100,9 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
         networks = [row for row in rows if row.efficiencies is not None]
         fewer = [f"{row.label} {', '.join(map(str, row.seeds))}" for row in networks if row.seeds != seeds]
         note += f"Fewer seeds: {'; '.join(fewer)}. " if fewer else ""
+    if stopped := [run for run in runs if run.training.best_step is not None]:
+        budgets = (f"{run.name} {', '.join(run.budget)}" for run in stopped)
+        note += f"Early stopping: {'; '.join(budgets)}. "
     if compared.left_out:
         note += f"Left out: {'; '.join(compared.left_out)}. "
     if any(row.published for row in rows):
