@@ -50,7 +50,11 @@ class GraftedNetwork(Grafted):
     def stages(self, points: Points, rate: int, touches: TouchBatch | None = None) -> list[Dense]:
         """Upsample, and return the intermediate clouds among the network's outputs too: the result last."""
         if self.injection_point.smallest_batch > 1 and len(points) == 1:
-            return [cloud[:1] for cloud in self.stages(points.repeat(2, 1, 1), rate, _twice(touches))]
+            return [cloud[:1] for cloud in self.stages(points.repeat(2, 1, 1), rate, _copied(touches, 2))]
+        if torch.is_inference_mode_enabled():
+            # Networks that follow a gradient at inference, as that of a distance, enable it. Inference mode forbids it.
+            with torch.inference_mode(False), torch.no_grad():
+                return self.stages(points.clone(), rate, _copied(touches))
         cloud = points.clone() if self.injection_point.points_layout == "bnc" else points.transpose(1, 2).contiguous()
         calling = self.calling
         arguments, keywords = ((), {}) if calling is None else (calling.arguments, calling.keywords)
@@ -93,7 +97,8 @@ class GraftedNetwork(Grafted):
         return sum(p.numel() for p in self.parameters())
 
 
-def _twice(touches: TouchBatch | None) -> TouchBatch | None:
+def _copied(touches: TouchBatch | None, times: int = 1) -> TouchBatch | None:
+    """Copy the touches of a batch, `times` one after another."""
     if touches is None:
         return None
-    return TouchBatch.of(touches.points.repeat(2, 1, 1, 1), touches.mask.repeat(2, 1))
+    return TouchBatch.of(touches.points.repeat(times, 1, 1, 1), touches.mask.repeat(times, 1))

@@ -174,6 +174,39 @@ def test_a_network_that_fails_on_one_cloud_is_trained_and_used(read, tmp_path):
     assert after(points[:1], 4).shape == (1, 96, 3)
 
 
+DESCENT = """\
+import torch
+from torch import nn
+
+class Descent(nn.Module):
+    \"""It moves its points down a learned distance, in training as at inference.\"""
+
+    def __init__(self):
+        super().__init__()
+        self.layer, self.head = nn.Linear(3, 8), nn.Linear(11, 1)
+
+    def forward(self, points):
+        with torch.enable_grad():
+            features = self.layer(points).repeat(1, 4, 1)
+            start = points.repeat(1, 4, 1).detach().requires_grad_(True)
+            distance = self.head(torch.cat([features, start], 2).sin()).square().sum()
+            (gradient,) = torch.autograd.grad(distance, start, create_graph=self.training)
+        return start - 0.1 * gradient
+"""
+
+
+def test_a_network_that_follows_a_gradient_is_trained_and_used(read, tmp_path):
+    (tmp_path / "descent.py").write_text(DESCENT)
+    recipe, registry = read("model.graft={network: descent.py:Descent, at: layer, fusion: concat}")
+    after = trained(recipe, tmp_path / "run", registry=registry)
+    points, touches = torch.rand(2, 24, 3) - 0.5, TouchBatch.of((torch.rand(2, 2, 16, 3) - 0.5) / 5)
+    with torch.inference_mode():  # as in `pcsr upsample`
+        dense = after(points, 4, touches)
+    assert torch.equal(dense, after(points, 4, touches))
+    assert not torch.equal(dense, after(points, 4))
+    assert not dense.requires_grad
+
+
 def test_intermediate_clouds_are_the_stages_of_the_network(read):
     recipe, registry = read()
     grafted = build(recipe, registry).train()
