@@ -34,7 +34,9 @@ def views(example: Example) -> dict[str, Any]:
         )
     for name, cloud in example.predictions.items():
         mean = float(errors[name].mean())
-        shown.append(view(f"{name}, mean error {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit)))
+        shown.append(
+            view(f"{name}, mean distance to the truth {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit))
+        )
     shown.append(view(f"truth, {len(example.truth)} points", plain(example.truth, "truth", 1.6)))
     return {"name": example.name, "limit": limit, "range": cube(*_held(example)), "views": shown}
 

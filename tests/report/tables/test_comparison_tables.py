@@ -125,6 +125,20 @@ def test_labels_leave_out_what_all_begin_with(results, variant):
     assert [cells[0] for cells in made.cells][:2] == ["fusion.my.one", "fusion.my.other"]
 
 
+@pytest.mark.parametrize(
+    ("names", "labels"),
+    [
+        (["small-fusion.pu-net", "small-fusion.pu-gan"], ["fusion.pu-net", "fusion.pu-gan"]),
+        (["small-rate.2-fusion.pu-a", "small-rate.2-fusion.pu-b"], ["fusion.pu-a", "fusion.pu-b"]),
+        (["small-fusion.pu-a-rate.2", "small-fusion.pu-a-rate.4"], ["rate.2", "rate.4"]),
+        (["small-fusion.pu-a", "small-fusion.pu-a-b"], ["fusion.pu-a", "fusion.pu-a-b"]),
+    ],
+)
+def test_labels_have_whole_values(results, variant, names, labels):
+    made, *_ = compare([variant(results, name, model=name) for name in names], "compare")
+    assert [cells[0] for cells in made.cells][:2] == labels
+
+
 def test_names_are_whole_on_a_narrow_screen(results, variant):
     names = [f"a-{'long' * 6}-name-{number}" for number in range(2)]
     made, *_ = compare([variant(results, name, model=name) for name in names], "study")
