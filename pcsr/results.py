@@ -58,7 +58,7 @@ class MethodResult(BaseModel):
     parameters: int
     seconds: float
     """Wall time for one cloud; `Results.timing` names the average."""
-    values: dict[str, list[Annotated[float, Field(gt=-1e100, lt=1e100)]]]
+    values: dict[str, list[Annotated[FiniteFloat, Field(gt=-1e100, lt=1e100)]]]
 
 
 class Training(BaseModel):

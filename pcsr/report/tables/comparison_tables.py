@@ -100,9 +100,8 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
         networks = [row for row in rows if row.efficiencies is not None]
         fewer = [f"{row.label} {', '.join(map(str, row.seeds))}" for row in networks if row.seeds != seeds]
         note += f"Fewer seeds: {'; '.join(fewer)}. " if fewer else ""
-    if stopped := [run for run in runs if run.training.best_step is not None]:
-        budgets = (f"{run.name} {', '.join(run.budget)}" for run in stopped)
-        note += f"Early stopping: {'; '.join(budgets)}. "
+    if stopped := [text for row in rows if (text := _early_stopping(row))]:
+        note += f"Early stopping: {'; '.join(stopped)}. "
     if compared.left_out:
         note += f"Left out: {'; '.join(compared.left_out)}. "
     if any(row.published for row in rows):
@@ -116,6 +115,15 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
         if row.other_code is not None:
             note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."
     return note
+
+
+def _early_stopping(row: Row) -> str:
+    """Steps of the weights that early stopping kept; empty for baselines and other trainings."""
+    if row.efficiencies is None:
+        return ""
+    trainings = [run.training for run in row.runs if run.training.best_step is not None]
+    kept = dict.fromkeys(f"{training.best_step} of {training.steps}" for training in trainings)
+    return f"{row.label} weights of step {', '.join(kept)}" if kept else ""
 
 
 def _differences_from_first(compared: Comparison) -> TextTable | None:

@@ -199,6 +199,15 @@ def test_with_seeds_it_says_with_how_many_a_row_is_better(results, variant):
     assert "seeds" not in line(made, "midpoint")["cd ×10³"]
 
 
+def test_the_weights_that_early_stopping_kept_are_named_by_row(results, variant):
+    runs = [variant(results, f"study-a-seed.{seed}", seed=seed, model=1) for seed in range(3)]
+    runs.append(variant(results, "study-b-seed.0", seed=0, model=2))
+    for run, best in zip(runs[:3], (16, 24, 16), strict=True):
+        run["training"] = {**run["training"], "steps": 96, "best_step": best}
+    note = compare(runs, "study")[0].note
+    assert "Early stopping: a weights of step 16 of 96, 24 of 96. " in note
+
+
 def test_a_row_with_fewer_seeds_and_runs_that_are_left_out_are_named(results, variant):
     runs = [variant(results, f"study-a-seed.{seed}", seed=seed, model=1) for seed in range(2)]
     runs.append(variant(results, "study-b-seed.1", seed=1, model=2))
