@@ -1,5 +1,6 @@
 """`pcsr touch explore`: touch a mesh in simulation, upsample, and compare policies by the error over the touches."""
 
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,12 +47,11 @@ if TYPE_CHECKING:
 )
 @click.option("--one-side", is_flag=True, help="Let one camera see the object, so that a side is hidden.")
 @click.option(
-    "--tries",
+    "--candidates",
     type=click.IntRange(1, 10_000),
-    default=400,
-    show_default=True,
+    default=None,
     metavar="N",
-    help="Candidates of each touch.",
+    help="Points of the surface at which poses are tried.  [default: 160]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, metavar="N", help="Seed of cloud and touches."
@@ -69,7 +69,7 @@ def explore(
     object_size: str,
     points: int,
     one_side: bool,
-    tries: int,
+    candidates: int | None,
     seed: int,
     model: str | None,
     out: Path | None,
@@ -77,13 +77,16 @@ def explore(
 ) -> None:
     """Touch a mesh in simulation, upsample its cloud with the touches so far, and touch again.
 
-    MESH is a file of a mesh. The table has the Chamfer distance to the true surface after each touch, for each policy.
+    MESH is a file of a mesh. Each touch is at the first pose of `pcsr touch next` where the finger can touch; the
+    policies know the cloud and the touches so far, not the mesh. The table has the Chamfer distance to the true surface
+    after each touch, for each policy, and the number of poses at which the finger failed.
 
     \b
     pcsr touch explore part.stl --object-size 30 -o explore.png
     pcsr touch explore part.stl --plugin my_policy.py --policy my-policy --policy sparse
     """  # noqa: D301 (click's mark is the letter itself)
-    from pcsr.exploration.loop import Setting, errors_over_touches
+    from pcsr.exploration.errors import Setting, errors_over_touches
+    from pcsr.exploration.next import CANDIDATES
     from pcsr.extras import require
     from pcsr.files import check_target
     from pcsr.model import load
@@ -99,18 +102,20 @@ def explore(
     names = list(dict.fromkeys(policies))
     for name in names:
         registry.get("policy", name)
+    tries = CANDIDATES if candidates is None else candidates
     setting = Setting(mesh, count, sensor, object_size, points, one_side, tries, seed)
     with progress_bars(streams.console(error=True), hidden=False) as progress:
-        task = progress.add_task("touches", total=len(names) * (count + 1))
+        task = progress.add_task("touches", total=len(names) * (2 * count + 1))
         found = errors_over_touches(setting, names, load(model), registry, lambda: progress.advance(task))
-    width = max(map(len, names))
-    click.echo(f"{'touches':{width}}  " + "  ".join(f"{number:>7}" for number in range(count + 1)))
-    for name, errors in found.items():
-        click.echo(f"{name:{width}}  " + "  ".join(f"{error:7.4f}" for error in errors))
-    click.echo("Chamfer distance to the true surface, mm²")
+    width = max(7, *map(len, names))
+    click.echo(f"{'touches':{width}}  " + "  ".join(f"{number:>7}" for number in range(count + 1)) + "   failed")
+    for name, one in found.items():
+        cells = [f"{error:7.4f}" for error in one.errors] + [" " * 7] * (count + 1 - len(one.errors))
+        click.echo(f"{name:{width}}  " + "  ".join(cells) + f"  {one.failed:7}")
+    click.echo("Chamfer distance to the true surface, mm²; failed: poses where the finger could not touch")
     if out is not None:
         from pcsr.report.figures.line_chart import line_chart
 
-        lines = {name: (errors, None) for name, errors in found.items()}
+        lines = {name: (one.errors + [nan] * (count + 1 - len(one.errors)), None) for name, one in found.items()}
         line_chart(mesh.name, "touches", "Chamfer distance, mm²", list(range(count + 1)), lines, out)
         click.echo(str(out))

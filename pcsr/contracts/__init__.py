@@ -18,7 +18,7 @@ from pcsr.contracts.logger import Logger
 from pcsr.contracts.network import Backbone, Encoder, Fusion, Objective, Upsampler, UpsamplingNetwork
 from pcsr.contracts.part import Part, Trait, Widths
 from pcsr.contracts.policy import Fingertip, Policy, TouchCandidates
-from pcsr.contracts.sources import SPLITS, ShapeItem, ShapeSource, TouchSource
+from pcsr.contracts.sources import SPLITS, ShapeItem, ShapeSource, SimulatedFinger, TouchSource
 from pcsr.contracts.touch_batch import TouchBatch
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "Policy",
     "ShapeItem",
     "ShapeSource",
+    "SimulatedFinger",
     "TouchBatch",
     "TouchCandidates",
     "TouchSource",

@@ -95,6 +95,26 @@ class ShapeSource(Part):
         return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
 
 
+class SimulatedFinger:
+    """Finger that touches one object at given poses, as a robot would."""
+
+    unit: float
+    """Unit of the object in mm."""
+
+    def touch(self, pose: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> Touch | None:
+        """Approach the object along the axis of the sensor from far outside, and press.
+
+        Args:
+            pose: from mm in the frame of the sensor to the frame and unit of the object. Where it lies on its axis does
+                not matter: the finger stops where it meets the object.
+            rng: source of the noise.
+
+        Returns:
+            The touch, or None where the housing is in the way, or nothing is met.
+        """
+        raise NotImplementedError
+
+
 class TouchSource(Part):
     """Provides touches of an object, simulated or recorded.
 
@@ -141,4 +161,12 @@ class TouchSource(Part):
 
     def fingertip(self) -> Fingertip | None:
         """Return the outline of the sensor; None, the default, if it is unknown."""
+        return None
+
+    def finger(self, item: ShapeItem) -> "SimulatedFinger | None":
+        """Return a finger that touches an object at given poses; None, the default, if the source has none.
+
+        Raises:
+            UserError: the object cannot be touched.
+        """
         return None

@@ -1,82 +1,104 @@
-"""Loop in simulation: touch a mesh, upsample with the touches so far, and measure the error."""
+"""Loop in simulation: ask where to touch next, touch a mesh there, and ask again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import torch
+from jaxtyping import Float
 
-from pcsr.contracts import TouchSource
-from pcsr.data.sample import make_sample
-from pcsr.extras import require
-from pcsr.metrics.chamfer import chamfer
-from pcsr.model import Model
-from pcsr.plugins.registry import Registry
-from pcsr.recipe import for_data
+from pcsr.clouds.touch import Touch
+from pcsr.contracts import Policy, ShapeItem, TouchSource
+from pcsr.errors import UserError
+from pcsr.exploration.choosing import NextTouch, NextTouches
+from pcsr.exploration.next import CANDIDATES, next_touches
+
+POSES = 8
+"""Poses of an answer that are tried before the loop ends, since the finger may fail at some."""
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What is touched, and how."""
+class Exploration:
+    """Touches of one object, in the order in which they were made."""
 
-    mesh: Path
-    touches: int
-    sensor: str
-    object_size: str
-    """Longest side of the object in mm, as YAML; "null" if the mesh is in mm."""
-    points: int
-    one_side: bool
-    """Whether one camera sees the object, rather than random points of all sides."""
-    tries: int
-    seed: int
+    touches: tuple[Touch, ...]
+    unit: float
+    """Unit of the object in mm."""
+    chosen: tuple[NextTouch, ...]
+    """The pose of each touch, with the gain that was expected of it."""
+    errors: tuple[float | None, ...]
+    """Expected Chamfer distance before each touch, in mm²; None if the policy does not expect any."""
+    failed: int
+    """Poses at which the housing was in the way, or nothing was met."""
 
 
-def errors_over_touches(
-    setting: Setting, policies: Sequence[str], model: Model, registry: Registry, advance: Callable[[], None]
-) -> dict[str, list[float]]:
-    """Return for each policy the Chamfer distance in mm² after 0, 1, 2, … touches.
+def explore(
+    item: ShapeItem,
+    source: TouchSource,
+    cloud: Float[np.ndarray, "n 3"],
+    policy: Policy,
+    count: int,
+    *,
+    candidates: int = CANDIDATES,
+    seed: int = 0,
+    advance: Callable[[], None] = lambda: None,
+) -> Exploration:
+    """Touch an object `count` times, each time at the first pose of `pcsr.next_touches` where the finger can touch.
+
+    The policy knows what it knows in use: the cloud and the touches so far, but not the mesh. Where the finger fails,
+    the next pose is tried.
 
     Args:
-        setting: object, cloud and sensor.
-        policies: names of policies.
-        model: upsamples the cloud to 16 times as many points, with the touches so far.
-        registry: parts.
-        advance: called after each upsampling.
+        item: the object.
+        source: touch source with a simulated finger.
+        cloud: points that a camera sees, (n 3), in the frame and unit of the object.
+        policy: chooses the poses.
+        count: number of touches.
+        candidates: number of candidates of each answer.
+        seed: seed of the candidates and of the sensor's noise.
+        advance: called after each touch.
+
+    Returns:
+        At most `count` touches: fewer if no pose was left, or the finger failed at all.
 
     Raises:
-        UserError: the mesh cannot be read or touched.
+        UserError: the source has no simulated finger, or the object or the cloud cannot be touched.
     """
-    return {policy: _errors(setting, policy, model, registry, advance) for policy in policies}
+    finger, fingertip = source.finger(item), source.fingertip()
+    if finger is None or fingertip is None:
+        raise UserError(f"touch source {type(source).__name__} cannot touch at given poses: name another one")
+    touches: list[Touch] = []
+    chosen: list[NextTouch] = []
+    errors: list[float | None] = []
+    failed = 0
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
 
+        def ask(poses: int, number: int = number) -> NextTouches:
+            return next_touches(
+                cloud,
+                touches,
+                count=poses,
+                sensor=fingertip,
+                policy=policy,
+                unit=finger.unit,
+                candidates=candidates,
+                seed=count * seed + number,
+                touch_as_is=True,
+            )
 
-def _errors(
-    setting: Setting, policy: str, model: Model, registry: Registry, advance: Callable[[], None]
-) -> list[float]:
-    recipe = for_data(
-        "meshes",
-        {"folder": str(setting.mesh.parent)},
-        registry,
-        [
-            f"sampling={'view' if setting.one_side else 'random'}",
-            f"points={setting.points}",
-            f"touch.sensor={setting.sensor}",
-            f"touch.object_size={setting.object_size}",
-            f"touch.policy={{use: {policy}, tries: {setting.tries}}}",
-        ],
-    )
-    data = recipe.data
-    require(data.touch.needs(registry, "touch"))
-    source: TouchSource = data.touch.build(registry, "touch")
-    item = data.shapes.build(registry, "shapes").item(setting.mesh.name)
-    sample = make_sample(item, source, data, setting.touches, setting.seed)
-    unit = source.touches(item, np.asarray(item.mesh.vertices), 1, setting.seed)[0].unit if setting.touches else 1.0
-    radius = sample.sphere.radius * unit
-    truth = torch.from_numpy(sample.truth)[None]
-    errors = []
-    for number in range(setting.touches + 1):
-        touches = [touch.astype(np.float64) for touch in sample.touches[:number]]
-        dense = model.upsample(sample.points.astype(np.float64), touches, rate=data.rate + 1)
-        errors.append(float(chamfer(torch.from_numpy(dense).float()[None], truth)[0]) * radius**2)
+        found = ask(1)
+        tried = 0
+        made = None
+        while made is None and tried < len(found):
+            made = finger.touch(found[tried].pose, rng)
+            tried += 1
+            if made is None and tried == 1:
+                found = ask(POSES)  # of which the first is the same
+        failed += tried - (made is not None)
+        if made is None:
+            break
+        touches.append(made)
+        chosen.append(found[tried - 1])
+        errors.append(found.error)
         advance()
-    return errors
+    return Exploration(tuple(touches), finger.unit, tuple(chosen), tuple(errors), failed)

@@ -45,7 +45,7 @@ def test_the_face_rests_a_press_below_the_surface(found):
 
 def test_the_unit_and_the_frame_do_not_matter(found):
     turned = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    metres = next_touches((SEEN + np.array([5000, 0, 0])) / 1000, sensor=TIP, unit=1000)
+    metres = next_touches((SEEN + np.array([5000, 0, 0])) / 1000, sensor=TIP, unit=1000.0)
     for one, other in zip(found, metres, strict=True):
         np.testing.assert_allclose(one.pose[:3, 3] + [5000, 0, 0], 1000 * other.pose[:3, 3], atol=1e-3)
         np.testing.assert_allclose(one.pose[:3, :3], 1000 * other.pose[:3, :3], atol=1e-6)

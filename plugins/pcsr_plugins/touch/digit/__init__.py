@@ -12,7 +12,7 @@ from pydantic import Field
 
 from pcsr import Fingertip, PoseError, ShapeItem, Touch, TouchSource, UserError
 from pcsr.geometry.rays import MeshRays
-from pcsr_plugins.touch.digit.hand import Hand
+from pcsr_plugins.touch.digit.hand import Hand, PressedFinger
 from pcsr_plugins.touch.digit.noise import Noise
 from pcsr_plugins.touch.digit.policies import PolicyOptions
 from pcsr_plugins.touch.digit.press import CONTACT, Finger
@@ -146,6 +146,12 @@ class Digit(TouchSource):
     def fingertip(self) -> Fingertip:
         """Return the outline of the sensor."""
         return self.hand.fingertip
+
+    def finger(self, item: ShapeItem) -> PressedFinger:
+        """Return a finger that touches an object at given poses, pressed to the middle of `press`."""
+        rays = MeshRays(item.mesh, self.object_size, item.name)
+        self._check_size(rays, item.name)
+        return PressedFinger(self.hand, rays)
 
     def _check_size(self, rays: MeshRays, name: str) -> None:
         width, height = self.sensor.width, self.sensor.height

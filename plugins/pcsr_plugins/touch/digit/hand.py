@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr import Fingertip, Policy, Touch, TouchCandidates
+from pcsr.contracts import SimulatedFinger
 from pcsr.geometry.rays import MeshRays
 from pcsr_plugins.touch.digit.candidates import Candidates
 from pcsr_plugins.touch.digit.noise import Noise
@@ -99,7 +100,7 @@ class Hand:
                 if len(contacts) == 1:
                     refused["with nothing to grasp on the other side"] += 1
                     continue
-            return Touch.grasp([self._measured(rays, one, rng) for one in contacts]).resampled(self.points, rng)
+            return Touch.grasp([self.measured(rays, one, rng) for one in contacts]).resampled(self.points, rng)
         return +refused
 
     def _enough(self, contact: Contact) -> bool:
@@ -107,8 +108,8 @@ class Hand:
             return contact.pixels >= self.at_least
         return contact.area >= self.at_least_area
 
-    def _measured(self, rays: MeshRays, contact: Contact, rng: np.random.Generator) -> Touch:
-        """The whole contact with its noise, in the object's frame and unit."""
+    def measured(self, rays: MeshRays, contact: Contact, rng: np.random.Generator) -> Touch:
+        """Return the whole contact with its noise, in the object's frame and unit."""
         of_heights, of_pose = rng.spawn(2)
         sensor = self.finger.sensor
         local = contact.points(self.noise.heights(contact.seen[..., 2], contact.mask, sensor.pitch, of_heights))
@@ -116,3 +117,23 @@ class Hand:
         pose = rays.to_object @ contact.pose @ self.noise.pose_error(of_pose)
         points = local @ pose[:3, :3].T + pose[:3, 3]
         return Touch.single(points, pose, rays.unit, sensor.name, contact.area, sensor.flat_view)
+
+
+class PressedFinger(SimulatedFinger):
+    """Finger of a hand that touches an object at given poses.
+
+    Args:
+        hand: its sensor, noise and press.
+        rays: the object.
+    """
+
+    def __init__(self, hand: Hand, rays: MeshRays) -> None:
+        self.unit, self._hand, self._rays = rays.unit, hand, rays
+
+    def touch(self, pose: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> Touch | None:
+        """Touch the object; any contact of at least one pixel is a touch."""
+        local = np.linalg.inv(self._rays.to_object) @ pose
+        contact = self._hand.finger.press(self._rays, local[:3, 3], local[:3, :3], sum(self._hand.press) / 2)
+        if contact is None or contact.pixels == 0:
+            return None
+        return self._hand.measured(self._rays, contact, rng).resampled(self._hand.points, rng)
