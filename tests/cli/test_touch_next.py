@@ -96,13 +96,16 @@ def test_a_policy_of_a_file_is_used_everywhere(run, tmp_path):
     assert result.exit_code == 0, result.output
     assert "mm²)" not in result.stdout  # it expects no gain
     trimesh.creation.box((30, 20, 15)).export("box.stl")
-    options = ("--object-size", "null", "--count", 1, "--points", 256, "--tries", 20)
+    options = ("--object-size", "null", "--count", 1, "--points", 256, "--candidates", 20)
     explored = run("explore", "box.stl", "--plugin", "mine.py", "--policy", "lowest", "--policy", "uniform", *options)
     assert explored.exit_code == 0, explored.output
     rows = dict(line.split(None, 1) for line in explored.stdout.splitlines()[:3])
     assert list(rows) == ["touches", "lowest", "uniform"]
-    before, after = zip(*([float(x) for x in rows[name].split()] for name in ("lowest", "uniform")), strict=True)
-    assert before[0] == before[1] > max(after) > 0
+    cells = [[float(x) for x in rows[name].split()] for name in ("lowest", "uniform")]
+    before, after, failed = zip(*cells, strict=True)
+    assert before[0] == before[1] not in after
+    assert min(after) > 0
+    assert min(failed) >= 0
 
 
 def test_a_command_may_be_left_out_before_a_mesh(run):
