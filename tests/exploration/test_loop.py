@@ -1,5 +1,7 @@
 """The loop in simulation: poses of `next_touches`, touched on a mesh."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 import trimesh
@@ -52,7 +54,7 @@ def test_the_same_seed_gives_the_same_touches(found, seen):
 
 def test_policies_know_the_cloud_and_the_touches_alone(seen):
     class Watching(Policy):
-        candidates: list = []
+        candidates: ClassVar[list] = []
 
         def scores(self, candidates, cloud, touched):
             self.candidates.append((candidates.points, cloud, touched))
