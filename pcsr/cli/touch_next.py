@@ -61,6 +61,14 @@ class _Unit(click.ParamType[float]):
     help="Policy that chooses among the poses.",
 )
 @click.option(
+    "--camera",
+    type=float,
+    nargs=3,
+    default=None,
+    metavar="X Y Z",
+    help="Position of the camera, in the frame and unit of the cloud.  [default: estimated]",
+)
+@click.option(
     "--unit",
     type=_Unit(),
     default=None,
@@ -91,6 +99,7 @@ def next_(
     outs: tuple[Path, ...],
     sensor: str,
     policy: str,
+    camera: tuple[float, float, float] | None,
     unit: float | None,
     candidates: int | None,
     seed: int,
@@ -102,8 +111,8 @@ def next_(
     """Find the poses at which the next touches lower the error of the upsampled cloud most.
 
     CLOUD is a file of points that a camera saw, in the frame of the touches. Each pose is where the face of the sensor
-    should come to rest; the finger approaches along the normal. On sides that the cloud does not show, the surface is
-    guessed.
+    should come to rest; the finger approaches along the normal. On the far side of a cloud that was seen from
+    one side, the surface is guessed.
 
     \b
     pcsr touch next scan.ply -o next.json
@@ -133,6 +142,7 @@ def next_(
             count=count,
             sensor=fingertip_of(sensor, registry),
             policy=chooser,
+            camera=camera,
             unit=unit,
             candidates=CANDIDATES if candidates is None else candidates,
             seed=seed,

@@ -66,6 +66,7 @@ class NextTouches(Sequence[NextTouch]):
 def choose(
     seen: Float[np.ndarray, "n 3"],
     touched: list[Float[np.ndarray, "m 3"]],
+    towards: Float[np.ndarray, "3"] | None,
     count: int,
     fingertip: Fingertip,
     policy: Policy,
@@ -78,6 +79,7 @@ def choose(
     Args:
         seen: points of the cloud.
         touched: points of each touch so far.
+        towards: unit vector towards the camera; None to estimate it.
         count: number of poses.
         fingertip: outline of the sensor.
         policy: chooses among the candidates that can be reached.
@@ -90,7 +92,7 @@ def choose(
     """
     before = np.concatenate([np.zeros((0, 3)), *touched])
     known = KnownSurface.of(seen, before)
-    candidates, guessed = guessed_candidates(known, tries, fingertip, rng)
+    candidates, guessed = guessed_candidates(known, towards, tries, fingertip, rng)
     model = ContactModel.of(np.concatenate([known.points, candidates.points[guessed]]))
     possible = reachable(candidates, model)
     usable, contacts = _subset(candidates, possible.rows), possible.contacts

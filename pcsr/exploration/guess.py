@@ -2,30 +2,34 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import ConvexHull, QhullError
 
 from pcsr.contracts import Fingertip, TouchCandidates
+from pcsr.exploration.far_side import far_side, seen_from
 from pcsr.exploration.surface import KnownSurface
-from pcsr.geometry.sampling import face_by_area, point_of_face
 
 HIDDEN = 3.0
-"""The convex hull stands for the surface where it is farther than this from every known point, in spacings."""
+"""The guessed far side stands for the surface where it is farther than this from every known point, in spacings."""
+FLAT = 3.0
+"""A cloud that is thinner than this, in spacings, hides nothing: it is a sheet."""
 COLUMN = 2.0
 """Radius in mm of the column above a point that is searched for other points."""
-MOST = 4096
-"""Largest number of points of the hull that are looked at."""
 
 
 def guessed_candidates(
-    known: KnownSurface, count: int, fingertip: Fingertip, rng: np.random.Generator
+    known: KnownSurface,
+    towards: Float[np.ndarray, "3"] | None,
+    count: int,
+    fingertip: Fingertip,
+    rng: np.random.Generator,
 ) -> tuple[TouchCandidates, Bool[np.ndarray, " p"]]:
     """Draw candidates evenly from the known surface and from the guess of the hidden one.
 
-    The guess is the convex hull of the known points, where it is far from them. The sensor stands along the normal, on
-    the side with fewer known points in its way.
+    The sensor stands along the normal. On the known surface that is the side of the camera; where the camera is
+    unknown, and at touched points, it is the side with fewer known points in its way.
 
     Args:
         known: the known surface.
+        towards: unit vector towards the camera; by default it is estimated.
         count: number of candidates.
         fingertip: outline of the sensor, whose middle press is taken.
         rng: source of randomness.
@@ -33,48 +37,48 @@ def guessed_candidates(
     Returns:
         The candidates, and which of them are on the guessed surface.
     """
-    hidden, outwards, area = hidden_surface(known, rng)
-    share = area / (area + known.area)
+    towards = seen_from(known.points[: known.seen]) if towards is None else towards
+    hidden, outwards, areas = hidden_surface(known, towards)
+    share = areas.sum() / (areas.sum() + known.area)
     guessed = min(round(share * count), len(hidden))
     rows = rng.choice(len(known.points), min(count - guessed, len(known.points)), replace=False)
-    picked = rng.choice(len(hidden), guessed, replace=False)
+    picked = rng.choice(len(hidden), guessed, replace=False, p=areas / areas.sum()) if guessed else np.zeros(0, int)
     points = np.concatenate([known.points[rows], hidden[picked]])
-    normals = np.concatenate([_outwards(known, rows), outwards[picked]])
+    normals = np.concatenate([_outwards(known, rows, towards), outwards[picked]])
     frames = _frames(normals, rng.uniform(0, 2 * np.pi, len(points)))
     presses = np.full(len(points), sum(fingertip.press) / 2)
     return TouchCandidates(points, frames, presses, fingertip), np.arange(len(points)) >= len(rows)
 
 
 def hidden_surface(
-    known: KnownSurface, rng: np.random.Generator
-) -> tuple[Float[np.ndarray, "h 3"], Float[np.ndarray, "h 3"], float]:
-    """Guess the hidden surface: random points of the convex hull far from known points, with normals, and their area.
+    known: KnownSurface, towards: Float[np.ndarray, "3"] | None
+) -> tuple[Float[np.ndarray, "h 3"], Float[np.ndarray, "h 3"], Float[np.ndarray, " h"]]:
+    """Guess the hidden surface: points of the far side that are far from known points, with normals and areas.
 
-    A flat cloud has none.
+    There is none if the cloud is flat, or was seen from several sides, so that no direction is given.
     """
-    nothing = np.zeros((0, 3))
-    try:
-        hull = ConvexHull(known.points)
-    except QhullError:  # all points on a plane
-        return nothing, nothing, 0.0
-    corners = known.points[hull.simplices]
-    edges = corners[:, 1:] - corners[:, :1]
-    double = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    if not double.sum() > 0:
-        return nothing, nothing, 0.0
-    faces = face_by_area(np.cumsum(double) / double.sum(), rng.random(MOST))
-    points = point_of_face(corners[faces, 0], edges[faces], rng.random((MOST, 2)))
-    distance, _ = known.tree.query(points)
-    _, nearest = known.thinned.query(points)
-    far = distance > HIDDEN * np.maximum(known.spacing[nearest], np.median(known.spacing))
-    return points[far], hull.equations[faces[far], :3], float(double.sum() / 2 * far.mean())
+    seen = known.points[: known.seen]
+    spacing = float(np.median(known.spacing))
+    thickness = float(np.ptp((seen - seen.mean(0)) @ np.linalg.eigh(np.cov(seen.T))[1][:, 0]))
+    if towards is None or thickness < FLAT * spacing:
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
+    found = far_side(seen, known.points[known.seen :], towards)
+    distance, _ = known.tree.query(found.points)
+    _, nearest = known.thinned.query(found.points)
+    far = distance > HIDDEN * np.maximum(known.spacing[nearest], spacing)
+    return found.points[far], found.normals[far], found.areas[far]
 
 
-def _outwards(known: KnownSurface, rows: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-    """Return the normals of known points on the side with fewer known points above them, or away from the centroid."""
+def _outwards(
+    known: KnownSurface, rows: Int[np.ndarray, " k"], towards: Float[np.ndarray, "3"] | None
+) -> Float[np.ndarray, "k 3"]:
+    """Return the normals of known points towards the camera, or on the side with fewer known points above them."""
     normals: Float[np.ndarray, "k 3"] = known.normals[rows].copy()
     away = np.einsum("kj,kj->k", normals, known.points[rows] - known.points.mean(0)) >= 0
     for k, row in enumerate(rows.tolist()):
+        if towards is not None and row < known.seen:
+            normals[k] *= 1.0 if normals[k] @ towards >= 0 else -1.0
+            continue
         relative = known.points - known.points[row]
         heights = relative @ normals[k]
         column = np.einsum("nj,nj->n", relative, relative) - heights**2 < COLUMN**2

@@ -31,6 +31,7 @@ def next_touches(
     count: int = 5,
     sensor: str | Fingertip = "digit",
     policy: str | Policy = "expected-error",
+    camera: Sequence[float] | None = None,
     unit: float | None = None,
     candidates: int = CANDIDATES,
     seed: int = 0,
@@ -40,8 +41,8 @@ def next_touches(
 ) -> NextTouches:
     """Find the poses at which the next touches lower the error of the upsampled cloud most, the best first.
 
-    Each pose is chosen as if the ones before it had been touched. Where the cloud shows nothing, such as on the far
-    side of a camera's view, the surface is guessed as its convex hull.
+    Each pose is chosen as if the ones before it had been touched. On the far side of a cloud that was seen from one
+    side, the surface is guessed by a network that was fitted to generated parts.
 
     Args:
         cloud: points that a camera sees, of any kind that `Model.upsample` takes.
@@ -49,6 +50,8 @@ def next_touches(
         count: number of poses.
         sensor: preset of the touch source `digit`, or the outline of a sensor.
         policy: name of a policy, or a policy.
+        camera: position of the camera, (3), in the frame and unit of the cloud. By default the direction from which the
+            cloud was seen is estimated; if it shows several sides, no far side is guessed.
         unit: unit of the cloud in mm. By default that of the touches, or 1 without any.
         candidates: number of points of the surface at which poses are tried. More take longer and find better ones.
         seed: seed of the candidates.
@@ -87,7 +90,8 @@ def next_touches(
     seen = (points - middle) * scale
     touched = [(one - middle) * scale for one in given.points(0)]
     _check_size(seen, fingertip, unit)
-    found = choose(seen, touched, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
+    towards = _towards(camera, middle)
+    found = choose(seen, touched, towards, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
     to_cloud = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
     to_cloud[:3, 3] = middle
     moved = tuple(replace(one, pose=to_cloud @ one.pose) for one in found.touches)
@@ -107,6 +111,25 @@ def fingertip_of(sensor: str, registry: Registry, source: str = "digit") -> Fing
     if not isinstance(found, Fingertip):
         raise UserError(f"touch source '{source}' does not know the outline of its sensor: name another source")
     return found
+
+
+def _towards(camera: Sequence[float] | None, middle: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"] | None:
+    """Return the unit vector from the middle of the cloud towards the camera.
+
+    Raises:
+        UserError: the position is not three finite numbers, or is the middle of the cloud.
+    """
+    if camera is None:
+        return None
+    position = np.asarray(camera, np.float64)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise UserError(f"camera is {camera}: give its position as three finite numbers (--camera)")
+    away = position - middle
+    length = float(np.linalg.norm(away))
+    if not length > 0:
+        raise UserError(f"camera is {camera}, the middle of the cloud: give its position (--camera)")
+    unit: Float[np.ndarray, 3] = away / length
+    return unit
 
 
 def _unit(unit: float | None, given: GivenTouches) -> float:

@@ -28,7 +28,9 @@ class KnownSurface:
     tree: KDTree
     """All known points."""
     points: Float[np.ndarray, "n 3"]
-    """Known points, thinned."""
+    """Known points, thinned: first those of the cloud, then the touched ones."""
+    seen: int
+    """Number of points of the cloud among them."""
     thinned: KDTree
     """The thinned points."""
     spacing: Float[np.ndarray, " n"]
@@ -65,6 +67,7 @@ class KnownSurface:
         return cls(
             tree=KDTree(np.concatenate([cloud, touched])),
             points=points,
+            seen=len(seen),
             thinned=tree,
             spacing=distances[:, 1 : SPACED + 1].mean(1),
             normals=normals,
