@@ -7,9 +7,9 @@ from pcsr.contracts import Fingertip, TouchCandidates
 from pcsr.exploration.far_side import far_side, seen_from
 from pcsr.exploration.surface import KnownSurface
 
-HIDDEN = 3.0
+HIDDEN = 1.5
 """The guessed far side stands for the surface where it is farther than this from every known point, in spacings."""
-FLAT = 3.0
+FLAT = 1.5
 """A cloud that is thinner than this, in spacings, hides nothing: it is a sheet."""
 COLUMN = 2.0
 """Radius in mm of the column above a point that is searched for other points."""

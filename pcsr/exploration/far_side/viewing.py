@@ -56,7 +56,7 @@ def seen_from(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"] | None
         return None
     best = directions[shares >= shares.max() - AS_GOOD].mean(0)
     both = best / max(float(np.linalg.norm(best)), 1e-9) + bulge / max(float(np.linalg.norm(bulge)), 1e-9)
-    found: Float[np.ndarray, "3"] = both / max(float(np.linalg.norm(both)), 1e-9)
+    found: Float[np.ndarray, 3] = both / max(float(np.linalg.norm(both)), 1e-9)
     return found
 
 
@@ -66,7 +66,7 @@ def _hull_centroid(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
     middle = points[hull.vertices].mean(0)
     corners = points[hull.simplices] - middle
     volumes = np.abs(np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
-    centroid: Float[np.ndarray, "3"] = middle + (corners.sum(1) / 4 * volumes[:, None]).sum(0) / volumes.sum()
+    centroid: Float[np.ndarray, 3] = middle + (corners.sum(1) / 4 * volumes[:, None]).sum(0) / volumes.sum()
     return centroid
 
 
