@@ -1,4 +1,8 @@
-import fit_far_side
+"""benchmarks/fit_far_side.py: views of known shapes, and the command."""
+
+import importlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -6,8 +10,12 @@ import trimesh
 from click.testing import CliRunner
 
 from pcsr.exploration.far_side.image import PIXELS, ViewFrame, pixel_centres
-from pcsr.exploration.far_side.network import FarSideNetwork
+from pcsr.exploration.far_side.network import FarSideNetwork, fitted_network
 from pcsr.geometry.rays import MeshRays
+
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    fit_far_side = importlib.import_module("fit_far_side")
 
 
 @pytest.fixture
@@ -49,9 +57,7 @@ def test_a_batch_is_turned_as_a_whole():
 def test_the_command_fits_and_saves(tmp_path, monkeypatch):
     monkeypatch.setattr(fit_far_side, "SHAPES", (("cad-parts", 9), ("blobs", 1)))
     monkeypatch.setattr(fit_far_side, "FILE", tmp_path / "weights.safetensors")
-    result = CliRunner().invoke(
-        fit_far_side.main, [str(tmp_path / "work"), "--views", "4", "--epochs", "2", "--every-shape", "--save"]
-    )
+    result = CliRunner().invoke(fit_far_side.main, [str(tmp_path / "work"), "--views", "4", "--epochs", "2", "--save"])
     assert result.exit_code == 0, result.output
     assert [line.split()[:2] for line in result.output.splitlines() if "epoch" in line] == [
         ["epoch", "1:"],
@@ -59,8 +65,6 @@ def test_the_command_fits_and_saves(tmp_path, monkeypatch):
     ]
     made = sorted((tmp_path / "work").iterdir())
     assert len(made) >= 8
-    from pcsr.exploration.far_side.network import fitted_network
-
     fitted = fitted_network(tmp_path / "weights.safetensors")
     torch.manual_seed(0)
     assert not torch.equal(fitted.last.weight, FarSideNetwork().last.weight)

@@ -37,6 +37,15 @@ def test_the_first_is_on_the_hidden_side(found):
     assert found[0].share > 0.3
 
 
+def test_the_camera_says_which_side_is_hidden(found):
+    above = next_touches(SEEN, sensor=TIP, count=1, camera=(0.0, 0.0, 100.0))
+    assert above[0].guessed
+    assert above[0].pose[2, 2] < -0.5
+    metres = next_touches(SEEN / 1000, sensor=TIP, count=1, camera=(0.0, 0.0, 0.1), unit=1000.0)
+    np.testing.assert_allclose(1000 * metres[0].pose[:3, 3], above[0].pose[:3, 3], atol=0.02)
+    assert not any(touch.guessed for touch in next_touches(ball(600), sensor=TIP))
+
+
 def test_the_face_rests_a_press_below_the_surface(found):
     seen = [touch for touch in found if not touch.guessed]
     for touch in seen:
@@ -93,6 +102,9 @@ def test_a_flat_sheet_has_poses_on_it():
         ({"cloud": SEEN[:10]}, "has 10 distinct points"),
         ({"count": 0}, "count is 0"),
         ({"unit": -1.0}, "unit is -1"),
+        ({"camera": (0.0, 0.0)}, r"camera is \(0.0, 0.0\): give its position as three finite numbers"),
+        ({"camera": (0.0, 0.0, np.nan)}, "three finite numbers"),
+        ({"camera": tuple(SEEN.mean(0))}, "the middle of the cloud"),
         ({"sensor": "digitt"}, "did you mean 'digit'"),
         ({"policy": "spars"}, "did you mean 'sparse'"),
         ({"touches": [Touch.single(SEEN[:99], None, 1000.0, "x")], "unit": 1.0, "touch_as_is": True}, "1000 mm"),
