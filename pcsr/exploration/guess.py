@@ -11,6 +11,8 @@ HIDDEN = 1.5
 """The guessed far side stands for the surface where it is farther than this from every known point, in spacings."""
 FLAT = 1.5
 """A cloud that is thinner than this, in spacings, hides nothing: it is a sheet."""
+GRAZING = 0.3
+"""Up to this cosine between normal and direction of the camera, it is uncertain which side the camera saw."""
 COLUMN = 2.0
 """Radius in mm of the column above a point that is searched for other points."""
 
@@ -24,8 +26,8 @@ def guessed_candidates(
 ) -> tuple[TouchCandidates, Bool[np.ndarray, " p"]]:
     """Draw candidates evenly from the known surface and from the guess of the hidden one.
 
-    The sensor stands along the normal. On the known surface that is the side of the camera; where the camera is
-    unknown, and at touched points, it is the side with fewer known points in its way.
+    The sensor stands along the normal, on the side of the camera; where the camera is unknown, the normal is at right
+    angles to its direction, or the point was touched, on the side with fewer known points in its way.
 
     Args:
         known: the known surface.
@@ -72,12 +74,13 @@ def hidden_surface(
 def _outwards(
     known: KnownSurface, rows: Int[np.ndarray, " k"], towards: Float[np.ndarray, "3"] | None
 ) -> Float[np.ndarray, "k 3"]:
-    """Return the normals of known points towards the camera, or on the side with fewer known points above them."""
+    """Return the normals of known points, towards the camera or to the side with fewer known points above them."""
     normals: Float[np.ndarray, "k 3"] = known.normals[rows].copy()
     away = np.einsum("kj,kj->k", normals, known.points[rows] - known.points.mean(0)) >= 0
     for k, row in enumerate(rows.tolist()):
-        if towards is not None and row < known.seen:
-            normals[k] *= 1.0 if normals[k] @ towards >= 0 else -1.0
+        cosine = 0.0 if towards is None or row >= known.seen else float(normals[k] @ towards)
+        if abs(cosine) > GRAZING:
+            normals[k] *= np.sign(cosine)
             continue
         relative = known.points - known.points[row]
         heights = relative @ normals[k]
