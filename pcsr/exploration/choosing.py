@@ -133,7 +133,7 @@ def _subset(candidates: TouchCandidates, rows: Any) -> TouchCandidates:
         candidates.frames[rows],
         candidates.presses[rows],
         candidates.fingertip,
-        candidates.points if candidates.surface is None else candidates.surface,
+        candidates.surface,
     )
 
 

@@ -11,6 +11,8 @@ HIDDEN = 1.5
 """The guessed far side stands for the surface where it is farther than this from every known point, in spacings."""
 FLAT = 1.5
 """A cloud that is thinner than this, in spacings, hides nothing: it is a sheet."""
+BESIDE = 6
+"""Neighbours of a known point between which the surface is drawn."""
 GRAZING = 0.3
 """Up to this cosine between normal and direction of the camera, it is uncertain which side the camera saw."""
 COLUMN = 2.0
@@ -49,7 +51,8 @@ def guessed_candidates(
     normals = np.concatenate([_outwards(known, rows, towards), outwards[picked]])
     frames = _frames(normals, rng.uniform(0, 2 * np.pi, len(points)))
     presses = np.full(len(points), sum(fingertip.press) / 2)
-    return TouchCandidates(points, frames, presses, fingertip), np.arange(len(points)) >= len(rows)
+    surface = np.concatenate([_between(known, count - guessed, rng), hidden[picked]])
+    return TouchCandidates(points, frames, presses, fingertip, surface), np.arange(len(points)) >= len(rows)
 
 
 def hidden_surface(
@@ -69,6 +72,17 @@ def hidden_surface(
     _, nearest = known.thinned.query(found.points)
     far = distance > HIDDEN * np.maximum(known.spacing[nearest], spacing)
     return found.points[far], found.normals[far], found.areas[far]
+
+
+def _between(known: KnownSurface, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    """Draw points of the known surface between its points, evenly by area: on triangles of neighbours."""
+    rows = rng.choice(len(known.points), count, p=known.spacing**2 / (known.spacing**2).sum())
+    _, around = known.thinned.query(known.points[rows], k=BESIDE + 1)
+    corners = np.take_along_axis(around, rng.permuted(np.tile(np.arange(1, BESIDE + 1), (count, 1)), axis=1)[:, :2], 1)
+    weights = rng.dirichlet(np.ones(3), count)
+    triangles = known.points[np.column_stack([rows, corners])]
+    drawn: Float[np.ndarray, "count 3"] = np.einsum("nk,nkj->nj", weights, triangles)
+    return drawn
 
 
 def _outwards(

@@ -32,7 +32,7 @@ def pcsr_register(register):
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    np.savetxt("scan.xyz", upper(ball(600)))
+    np.savetxt("scan.xyz", upper(ball(900), above=1.0))
     (tmp_path / "mine.py").write_text(MINE)
     return lambda *words: CliRunner().invoke(pcsr, ["touch", *map(str, words)])
 
@@ -50,7 +50,7 @@ def test_poses_are_shown_and_written(run, tmp_path):
 
 
 def test_metres_are_named_or_refused(run):
-    np.savetxt("metres.xyz", upper(ball(600)) / 1000)
+    np.savetxt("metres.xyz", upper(ball(900), above=1.0) / 1000)
     refused = run("next", "metres.xyz")
     assert refused.exit_code != 0
     assert "smaller than the gel of sensor 'digit' (16 × 12 mm): name the cloud's unit" in refused.stderr

@@ -42,6 +42,18 @@ def test_candidates_stand_outside_along_the_normals():
     np.testing.assert_allclose(np.linalg.det(candidates.frames), 1, atol=1e-9)
 
 
+def test_the_surface_is_drawn_between_known_points():
+    known = KnownSurface.of(ball(800), NOTHING)
+    candidates, _ = guessed_candidates(known, None, 200, TIP, rng())
+    assert candidates.surface.shape == (200, 3)
+    radii = np.linalg.norm(candidates.surface, axis=1)
+    assert (radii > 13.5).all()
+    assert (radii <= 15 + 1e-9).all()
+    assert known.tree.query(candidates.surface)[0].min() > 0
+    octants = np.unique((candidates.surface > 0) @ [1, 2, 4], return_counts=True)[1]
+    assert octants.min() > 10
+
+
 def test_in_a_narrow_shaft_there_is_no_room_for_the_housing():
     floor, walls = plane(300, side=20), []
     for axis in (0, 1):

@@ -10,7 +10,7 @@ from pcsr.exploration.writing import as_json, write_next
 from pcsr.recorded import read, write
 from tests.exploration.scenes import TIP, ball, plane, upper
 
-SEEN = upper(ball(600))
+SEEN = upper(ball(900), above=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_a_flat_sheet_has_poses_on_it():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"cloud": SEEN / 1000}, r"0\.0299 mm long, smaller than the gel of sensor 'digit' \(16 × 12 mm\): .*--unit m"),
+        ({"cloud": SEEN / 1000}, r"0\.0298 mm long, smaller than the gel of sensor 'digit' \(16 × 12 mm\): .*--unit m"),
         ({"cloud": SEEN * 1e5}, r"far larger than the gel"),
         ({"cloud": SEEN[:10]}, "has 10 distinct points"),
         ({"count": 0}, "count is 0"),
