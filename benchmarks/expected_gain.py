@@ -172,7 +172,8 @@ def cells(name: str, one: Measured, seeds: int) -> list[str]:
     of_seeds = [after[one.seed == seed].mean() / before[one.seed == seed].mean() - 1 for seed in range(seeds)]
     parts = ["", "", ""]
     if np.isfinite(gains).all():
-        ratio = gains / (before - after)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a part without a touch
+            ratio = gains / (before - after)
         shares = gains / before, (before - after) / before
         within = int(((ratio > 1 / 1.5) & (ratio < 1.5)).sum())
         overall = f"{gains.mean() / (before - after).mean():.2f}"
