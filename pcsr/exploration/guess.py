@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from pcsr.contracts import Fingertip, TouchCandidates
 from pcsr.exploration.far_side import far_side, seen_from
+from pcsr.exploration.far_side.image import PITCH
 from pcsr.exploration.surface import KnownSurface
 
 HIDDEN = 1.5
@@ -28,6 +29,8 @@ def guessed_candidates(
 ) -> tuple[TouchCandidates, Bool[np.ndarray, " p"]]:
     """Draw candidates evenly from the known surface and from the guess of the hidden one.
 
+    The far side is guessed of objects alone of which a pixel of the guess is smaller than the gel, not of scenes.
+
     The sensor stands along the normal, on the side of the camera; where the camera is unknown, the normal is at right
     angles to its direction, or the point was touched, on the side with fewer known points in its way.
 
@@ -42,6 +45,8 @@ def guessed_candidates(
         The candidates, and which of them are on the guessed surface.
     """
     towards = seen_from(known.points[: known.seen]) if towards is None else towards
+    if PITCH * float(np.ptp(known.points, axis=0).max()) / 2 > min(fingertip.gel):
+        towards = None
     hidden, outwards, areas = hidden_surface(known, towards)
     share = areas.sum() / (areas.sum() + known.area)
     guessed = min(round(share * count), len(hidden))

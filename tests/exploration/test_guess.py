@@ -54,6 +54,12 @@ def test_the_surface_is_drawn_between_known_points():
     assert octants.min() > 10
 
 
+def test_the_far_side_of_a_scene_is_not_guessed():
+    for size, some in ((1.0, True), (20.0, False)):
+        known = KnownSurface.of(size * upper(ball(800), above=1.0), NOTHING)
+        assert guessed_candidates(known, None, 60, TIP, rng())[1].any() == some
+
+
 def test_in_a_narrow_shaft_there_is_no_room_for_the_housing():
     floor, walls = plane(300, side=20), []
     for axis in (0, 1):
