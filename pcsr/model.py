@@ -150,7 +150,7 @@ class Model:
                 keep=keep,
                 pool=workers,
                 advance=advance,
-            )
+            ).points
         dense = screened.cloud.with_new(scaled(new, power), keep=keep, used=screened.used)
         return given.restore(dense.with_source(sources(new, touched)) if "source" in fields else dense)
 

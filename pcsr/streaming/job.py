@@ -207,7 +207,7 @@ class Job:
             core=core,
             pool=pool,
             advance=advance,
-        )
+        ).points
         points = scaled(np.concatenate([touched, made]), self.power)
         dense = around.with_new(points, keep=False, kinds=self.cloud.plan.column_kinds)
         if "source" in self.request.fields:

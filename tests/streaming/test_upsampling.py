@@ -48,7 +48,7 @@ def test_seams_show_no_gap_no_copy_and_no_change_of_density(tmp_path):
     write_cloud(tmp_path / "in.npy", Cloud(points))
     stream(tmp_path / "in.npy", tmp_path / "out.npy", rate=4)
     streamed = read_cloud(tmp_path / "out.npy").points
-    whole = np.concatenate([points, densify(points, 9600, SMALL)])
+    whole = np.concatenate([points, densify(points, 9600, SMALL).points])
     tree = TileTree.of(points, depth_for(len(points), TILE))
     assert len(tree.axes) == 7
 
