@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pcsr.options import Choice, Options
     from pcsr.plugins.registry import Register
     from pcsr.registration import RegisteredTouch, Registration, register
+    from pcsr.uncertainty import expected_errors
     from pcsr.weights.file import read_card
 
 
@@ -51,6 +52,7 @@ _HOMES = {
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",
+    "expected_errors": "pcsr.uncertainty",
     "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
@@ -111,6 +113,7 @@ __all__ = [
     "Widths",
     "__version__",
     "evaluate",
+    "expected_errors",
     "export_onnx",
     "export_weights",
     "graft",

@@ -18,6 +18,7 @@ FLOORS = {
     "pcsr.results": 2,
     "pcsr.run_files": 3,
     "pcsr.upsample": 4,
+    "pcsr.uncertainty": 4,
     "pcsr.network": 3,
     "pcsr.grafting": 3,
     "pcsr.data": 3,
@@ -73,6 +74,7 @@ SAME_FLOOR = {
     ("pcsr.metrics", "pcsr.plugins"),
     ("pcsr.grafting", "pcsr.network"),
     ("pcsr.testing", "pcsr.network"),
+    ("pcsr.uncertainty", "pcsr.upsample"),
 }
 PUBLIC = (
     "pcsr.geometry",

@@ -103,4 +103,17 @@ class Cloud:
         """
         source = np.full(len(self), SCANNED, np.uint8)
         source[len(self) - len(new) :] = new
-        return Cloud(self.points, {**self.columns, unused("source", self.columns): source}, self.about)
+        return self._with("source", source)
+
+    def with_error(self, errors: Float64[np.ndarray, " n"]) -> "Cloud":
+        """Return the cloud with a further column `error`, or `error_2` if there is such a column.
+
+        It has the precision of the coordinates.
+
+        Args:
+            errors: expected error of each point, in the unit of the cloud; NaN where it is unknown.
+        """
+        return self._with("error", errors.astype(np.float32) if self.is_single else errors)
+
+    def _with(self, name: str, column: np.ndarray) -> "Cloud":
+        return Cloud(self.points, {**self.columns, unused(name, self.columns): column}, self.about)
