@@ -166,13 +166,11 @@ class Model:
                     pool=workers,
                 )
         dense = screened.cloud.with_new(scaled(new.points, power), keep=keep, used=screened.used)
-        for name in fields:
-            if name == "source":
-                dense = dense.with_source(sources(new.points, touched))
-            elif errors is not None:
-                of_given = given_errors(screened, scaled(errors.known, power)) if keep else np.zeros(0)
-                dense = dense.with_error(np.concatenate([of_given, scaled(errors.new, power)]))
-        return given.restore(dense)
+        every = None
+        if errors is not None:
+            of_given = given_errors(screened, scaled(errors.known, power)) if keep else np.zeros(0)
+            every = np.concatenate([of_given, scaled(errors.new, power)])
+        return given.restore(dense.with_fields(fields, sources(new.points, touched), every))
 
 
 def load(

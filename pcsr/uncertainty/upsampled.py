@@ -16,7 +16,7 @@ from pcsr.workers import WorkerPool
 SAME = 1e-6
 """Largest distance of a touched point among the new points from the touch, in extents of the cloud: networks have
 single precision."""
-LEFT = 0.35
+LEFT = 0.5
 """Error of a point from which noise was removed, in standard deviations of the noise."""
 
 
