@@ -31,7 +31,8 @@ ALONG = 0.5
 """Share of the noisy clouds of cameras whose noise is along the rays only."""
 REPLACED = 0.15
 """Share of the training clouds whose given points are replaced by the new ones."""
-RATES = (2, 4, 4, 4, 8, 16)
+RATES, MOST = (2, 4, 4, 4, 8, 16), 12_000
+"""Rates of the training clouds, and the largest number of their points at rates above 4."""
 OTHERS = ("midpoint", "tapsr", "frames", "pu-transformer")
 """Models of which one upsamples each training cloud, besides the default one."""
 Points = np.ndarray
@@ -110,6 +111,11 @@ def upsampled(case: Case, source: Candidates, rate: float, *, keep: bool = True)
     """The points that a source adds to a cloud, or replaces it by."""
     new = densify(case.points, round(rate * len(case.points)), source, keep=keep)
     return Added(new.points, new.errors)
+
+
+def random_rate(count: int, rng: np.random.Generator) -> float:
+    """One of the rates that suit a cloud of so many points."""
+    return float(rng.choice([rate for rate in RATES if rate <= 4 or rate * count <= MOST]))
 
 
 def distances(points: Points, mesh: trimesh.Trimesh) -> np.ndarray:

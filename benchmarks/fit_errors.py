@@ -2,14 +2,15 @@
 
 python benchmarks/fit_errors.py WORK [--clouds 1200] [--save]
 
-Clouds are upsampled by the default model and by another one each; WORK keeps their features and true errors, so that
-the command continues after an interruption. One network is fitted to all points, another one to those whose errors the
-default model predicts. A fifth of the clouds, those of other shapes, show the loss on unseen ones; the networks that
-are saved are fitted to all.
+Clouds are upsampled by the default model and by another one each; WORK keeps them with the true errors of some points,
+so that the command continues after an interruption. One network is fitted to all points, another one to those whose
+errors the default model predicts. A fifth of the clouds, those of other shapes, show the loss on unseen ones; the
+networks that are saved are fitted to all.
 """
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -36,43 +37,59 @@ EPOCHS, BATCH, RATE = 20, 1024, 3e-3
 TARGET = "target"
 
 
-def rows_of(case: error_clouds.Case, added: error_clouds.Added, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Features of some of the new points, and the logarithms of their errors in spacings."""
-    chosen = rng.permutation(len(added.points))[:EACH]
-    found, unit = features(Patch(case.points, added.points, case.removed), chosen)
-    predicted = added.predicted[chosen]
-    errors = error_clouds.distances(added.points[chosen], case.mesh)
-    found[PREDICTED] = np.where(predicted > 0, of_prediction(predicted, unit), np.nan)
-    return {**found, TARGET: np.log(errors / unit + RESOLUTION)}
+@dataclass(frozen=True)
+class Sample:
+    """A cloud with the points that a model added to it, and the true errors of some of them."""
+
+    points: np.ndarray
+    removed: np.ndarray
+    new: np.ndarray
+    predicted: np.ndarray
+    chosen: np.ndarray
+    errors: np.ndarray
+    """Errors of the chosen new points."""
+
+    def rows(self) -> dict[str, np.ndarray]:
+        """Features of the chosen points, and the logarithms of their errors in spacings."""
+        found, unit = features(Patch(self.points, self.new, float(self.removed)), self.chosen)
+        predicted = self.predicted[self.chosen]
+        found[PREDICTED] = np.where(predicted > 0, of_prediction(predicted, unit), np.nan)
+        return {**found, TARGET: np.log(self.errors / unit + RESOLUTION)}
 
 
-def collect(work: Path, count: int) -> list[dict[str, np.ndarray]]:
-    """The rows of so many clouds: those in the folder are read, the others are made and put there."""
+def make(work: Path, count: int) -> list[Path]:
+    """Make the samples that the folder lacks, and return the files of all."""
     work.mkdir(parents=True, exist_ok=True)
     shapes = {name: load_plugins().get("shapes", name)() for name in sorted(set(error_clouds.SHAPES))}
     models = error_clouds.sources_of([DEFAULT, *error_clouds.OTHERS])
-    missing = [number for number in range(count) if not (work / f"{number:05d}.npz").exists()]
-    made = error_clouds.usable(track(missing, "clouds", transient=True), shapes)
-    for number, case, rng in made:
-        rows = []
-        for model in (DEFAULT, str(rng.choice(error_clouds.OTHERS))):
-            rate, keep = float(rng.choice(error_clouds.RATES)), rng.random() >= error_clouds.REPLACED
-            rows.append(rows_of(case, error_clouds.upsampled(case, models[model], rate, keep=keep), rng))
-        joined = {name: np.concatenate([one[name] for one in rows]).astype(np.float32) for name in rows[0]}
-        write_whole(work / f"{number:05d}.npz", lambda part, joined=joined: _save(part, joined))
-    files = [work / f"{number:05d}.npz" for number in range(count)]
-    return [dict(np.load(file)) for file in files if file.exists()]
+    missing = [number for number in range(count) if not (work / name_of(number, 1)).exists()]
+    for number, case, rng in error_clouds.usable(track(missing, "clouds", transient=True), shapes):
+        for which, model in enumerate((DEFAULT, str(rng.choice(error_clouds.OTHERS)))):
+            rate = error_clouds.random_rate(len(case.points), rng)
+            added = error_clouds.upsampled(case, models[model], rate, keep=rng.random() >= error_clouds.REPLACED)
+            chosen = rng.permutation(len(added.points))[:EACH]
+            errors = error_clouds.distances(added.points[chosen], case.mesh)
+            removed = np.array(case.removed)
+            sample = Sample(case.points, removed, added.points, added.predicted, chosen, errors)
+            write_whole(work / name_of(number, which), lambda part, sample=sample: _save(part, vars(sample)))
+    files = [work / name_of(number, which) for number in range(count) for which in (0, 1)]
+    return [file for file in files if file.exists()]
 
 
-def _save(part: Path, rows: Mapping[str, np.ndarray]) -> None:
+def name_of(number: int, which: int) -> str:
+    """The name of the file of a cloud and one of its two models."""
+    return f"{number:05d}-{which}.npz"
+
+
+def _save(part: Path, arrays: Mapping[str, np.ndarray]) -> None:
     with part.open("wb") as file:
-        np.savez(file, **rows)
+        np.savez_compressed(file, **arrays)
 
 
 def stacked(clouds: Sequence[Mapping[str, np.ndarray]], names: Sequence[str]) -> tuple[torch.Tensor, torch.Tensor]:
     """The features with these names as a matrix, and the targets; rows without one of them are left out."""
-    inputs = np.concatenate([np.stack([cloud[name] for name in names], 1) for cloud in clouds])
-    targets = np.concatenate([cloud[TARGET] for cloud in clouds])
+    inputs = np.concatenate([np.stack([cloud[name] for name in names], 1) for cloud in clouds]).astype(np.float32)
+    targets = np.concatenate([cloud[TARGET] for cloud in clouds]).astype(np.float32)
     known = np.isfinite(inputs).all(1)
     return torch.from_numpy(inputs[known]), torch.from_numpy(targets[known])
 
@@ -133,7 +150,8 @@ def main(work: Path, count: int, saving: bool) -> None:
     """Fit the networks, print their losses, and save them."""
     torch.set_num_threads(1)
     try:
-        clouds = collect(work, count)
+        files = track(make(work, count), "features", transient=True)
+        clouds = [Sample(**np.load(file)).rows() for file in files]
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
     every = [name for name in clouds[0] if name not in (TARGET, PREDICTED)]

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from pcsr.tensors import CloudArray
 from pcsr.upsample.gaps import spacing
-from pcsr.upsample.local_fits import quadric_terms
+from pcsr.upsample.local_fits import TERMS, LocalFits, quadric_terms
 from pcsr.upsample.neighbours import Neighbours
 from pcsr.upsample.noise import AROUND, Quadrics
 from pcsr.upsample.noise_level import noise_level
@@ -23,12 +23,16 @@ NEAREST = 6
 """Number of nearest known points whose fits are compared with a new point."""
 BESIDE = 12
 """Number of nearest points, known or new, that a plane is fitted to."""
+FEW = 10
+"""Number of points of the smallest fits: they reach over few edges, so that what they leave is noise."""
 LEAST = 1e-3
 """Lengths, in spacings, below which logarithms change little."""
 TYPICAL = ("quadric", "plane", "off new")
 """Features whose median over the new points tells how well the upsampling method does on this cloud."""
 PREDICTED = "predicted"
 """Name of the feature that points of some networks have alone: the error that the network itself predicts."""
+QUANTILES = (0.02, 0.1, 0.5, 0.9)
+"""Quantiles of residuals over the patch: the smallest ones tell noise from details."""
 FARTHEST = 5.0
 """Largest distance from a quadric, in spacings: far from its points it is arbitrary."""
 
@@ -55,6 +59,28 @@ class Patch:
         unit = spacing(self.neighbours)
         positive: Float[np.ndarray, " n"] = np.maximum(unit, unit[unit > 0].min(initial=1.0))
         return positive
+
+    @cached_property
+    def small_planes(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of the `FEW` nearest points around their plane, in spacings."""
+        offsets = self._few
+        centred = offsets - offsets.mean(1, keepdims=True)
+        least = np.maximum(np.linalg.eigvalsh(centred.mT @ centred)[:, 0], 0)
+        deviation: Float[np.ndarray, " n"] = np.sqrt(least / (FEW - 3))
+        return deviation
+
+    @cached_property
+    def small_quadrics(self) -> Float[np.ndarray, " n"]:
+        """Standard deviation of the `FEW` nearest points around their quadric, in spacings."""
+        squares = np.square(LocalFits.of(self._few).residual).sum(1)
+        deviation: Float[np.ndarray, " n"] = np.sqrt(squares / (FEW - TERMS))
+        return deviation
+
+    @property
+    def _few(self) -> Float[np.ndarray, "n k 3"]:
+        offsets = self.points[self.neighbours.index[:, :FEW]] - self.points[:, None]
+        few: Float[np.ndarray, "n k 3"] = offsets / self.unit[:, None, None]
+        return few
 
     @cached_property
     def level(self) -> float:
@@ -110,6 +136,8 @@ def _of_fits(
         **_spread("quadric", over_quadrics),
         **_spread("plane", over_planes),
         **_spread("residual", residuals),
+        **_spread("small plane", patch.small_planes[index] * scale),
+        **_spread("small quadric", patch.small_quadrics[index] * scale),
         "flatness": _log(quadrics.flatness[index[:, 0]], LEAST / 10),
     }
 
@@ -161,9 +189,14 @@ def _of_new_points(
 def _of_patch(patch: Patch, quadrics: Quadrics) -> dict[str, float]:
     """Quantiles of residuals over the patch, its evenness, and its evidence of noise."""
     around_planes = np.sqrt(np.maximum(quadrics.variances[:, 0], 0) / AROUND)
+    residuals = {
+        "residuals": quadrics.residual,
+        "planes": around_planes,
+        "small planes": patch.small_planes,
+        "small quadrics": patch.small_quadrics,
+    }
     return {
-        **{f"residuals {q}": float(_log(np.quantile(quadrics.residual, q))) for q in (0.1, 0.5, 0.9)},
-        **{f"planes {q}": float(_log(np.quantile(around_planes, q))) for q in (0.25, 0.5)},
+        **{f"{name} {q}": float(_log(np.quantile(of, q))) for name, of in residuals.items() for q in QUANTILES},
         "evenness": float(np.log(patch.unit).std()),
         "noisy": quadrics.noisy(),
     }
@@ -176,5 +209,5 @@ def _spread(name: str, values: Float[np.ndarray, "c k"]) -> dict[str, Float[np.n
 
 
 def _log(values: Float[np.ndarray, "*n"], least: float = LEAST) -> Float[np.ndarray, "*n"]:
-    logarithm: Float[np.ndarray, "*n"] = np.log(np.asarray(values) + least)
+    logarithm: Float[np.ndarray, "*n"] = np.log(np.maximum(values, 0) + least)
     return logarithm
