@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
+from pcsr.geometry.frames import principal_axes
 from pcsr.tensors import CloudArray
 from pcsr.upsample.gaps import spacing
 from pcsr.upsample.local_fits import TERMS, LocalFits, quadric_terms
@@ -25,6 +26,8 @@ BESIDE = 12
 """Number of nearest points, known or new, that a plane is fitted to."""
 FEW = 10
 """Number of points of the smallest fits: they reach over few edges, so that what they leave is noise."""
+SAMPLE = 1024
+"""Largest number of neighbourhoods by which the noise of a patch is estimated."""
 LEAST = 1e-3
 """Lengths, in spacings, below which logarithms change little."""
 TYPICAL = ("quadric", "plane", "off new")
@@ -85,7 +88,8 @@ class Patch:
     @cached_property
     def level(self) -> float:
         """Estimated noise of the known points; 0 where it does not differ from details."""
-        return noise_level(self.points)
+        along = self.points @ principal_axes(self.points)[:, 0]  # an order that follows from the shape
+        return noise_level(self.points[np.argsort(along, kind="stable")], SAMPLE)
 
 
 def features(patch: Patch, chosen: Int[np.ndarray, " c"]) -> tuple[dict[str, Float[np.ndarray, " c"]], CloudArray]:

@@ -18,7 +18,7 @@ def test_touched_points_have_the_errors_of_their_touches_and_pass_them_on():
     errors = np.linspace(0.5, 1.5, 60)
     errors[7] = np.nan
     made = floor(200, 2)
-    near = touch[:20] + np.array([0.1, 0.1, 0])
+    near = touch[:20] + np.array([1e-3, 1e-3, 0])
     new = Generated.of(np.concatenate([touch, made, near]))
     with_touch = upsampled_errors(
         points, new, touches=[touch[:30], touch[30:]], touch_errors=[errors[:30], errors[30:]]
