@@ -20,7 +20,7 @@ from pcsr.upsample.dense import densify
 SAMPLINGS = ("random", "thinned", "even", "one view", "four views")
 """Samplings of a surface: at random; at random among four times as many even points; even; by depth cameras."""
 SHAPES = ("cad-parts", "cad-parts", "blobs")
-"""Shapes in turn."""
+"""Shapes in turn; the objects of each source are taken in their order."""
 COUNTS = (180, 2900)
 """Smallest and largest number of points of a training cloud; its logarithm is uniform."""
 NOISES = (0.001, 0.025)
@@ -90,9 +90,10 @@ def training_case(number: int, sources: dict[str, pcsr.ShapeSource]) -> tuple[Ca
         UserError: cameras see too few points of the shape.
     """
     rng = np.random.default_rng([7, number])
-    source = sources[SHAPES[number % len(SHAPES)]]
-    names = source.names("train")
-    name = names[(number * 7) % len(names)]
+    turn, place = divmod(number, len(SHAPES))
+    kind = SHAPES[place]
+    source = sources[kind]
+    name = source.names("train")[turn * SHAPES.count(kind) + SHAPES[:place].count(kind)]
     mesh = source.item(name).mesh
     sampling = str(rng.choice(SAMPLINGS))
     count = int(np.exp(rng.uniform(*np.log(COUNTS))))

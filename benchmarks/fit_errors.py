@@ -1,6 +1,6 @@
 """Fits the networks that predict the errors of points, on generated training shapes.
 
-python benchmarks/fit_errors.py WORK [--clouds 1200] [--save]
+python benchmarks/fit_errors.py WORK [--clouds 2400] [--save]
 
 Clouds are upsampled by the default model and by another one each; WORK keeps them with the true errors of some points,
 so that the command continues after an interruption. One network is fitted to all points, another one to those whose
@@ -32,7 +32,7 @@ QUANTILE = 0.68
 """Share of the points that lie within their expected error."""
 EACH = 500
 """Number of points of a cloud and model that are fitted."""
-HIDDEN = 32
+HIDDEN = 64
 EPOCHS, BATCH, RATE = 20, 1024, 3e-3
 TARGET = "target"
 
@@ -144,7 +144,7 @@ class Fit:
 
 @click.command()
 @click.argument("work", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--clouds", "count", type=click.IntRange(10), default=1200, show_default=True)
+@click.option("--clouds", "count", type=click.IntRange(10, 2400), default=2400, show_default=True)
 @click.option("--save", "saving", is_flag=True, help="Write the networks to pcsr/uncertainty.")
 def main(work: Path, count: int, saving: bool) -> None:
     """Fit the networks, print their losses, and save them."""

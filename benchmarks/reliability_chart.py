@@ -35,6 +35,8 @@ def draw(rows: Sequence[Sequence[str]], path: Path) -> None:
         axes.plot(ends, ends, color=SOFT, linewidth=0.8)
         for number, model in enumerate(models):
             points = [(float(row[4]), float(row[5])) for row in of_kind if row[1] == model]
+            if not points:
+                continue
             x, y = zip(*((max(one, ends[0]), max(other, ends[0])) for one, other in points), strict=True)
             axes.plot(x, y, marker=MARKERS[number], markersize=4, linewidth=1, color=SERIES[number], label=model)
         axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends)

@@ -31,6 +31,42 @@ def numbers(*names: str) -> None:
     table(found[0]["columns"], [row for one in found for row in one["rows"]])
 
 
+def reliability(kind: str) -> None:
+    """Expected errors of a kind of cloud in ten bins: the median of each bin, and the share of points within."""
+    rows = _reliability()
+    models = list(dict.fromkeys(row[1] for row in rows if row[0] == kind))
+    found = {(row[1], row[2]): row for row in rows if row[0] == kind}
+    bins = [row[2] for row in rows if row[:2] == [kind, models[0]]]
+    columns = [f"{what}, `{model}`" for model in models for what in ("expected", "within")]
+    cells = [[one for model in models for one in _bin(found[model, number])] for number in bins]
+    points = [found[models[0], number][3] for number in bins]
+    rows = [[number, *row, count] for number, row, count in zip(bins, cells, points, strict=True)]
+    table(["bin", *columns, "points each"], rows)
+
+
+def calibration() -> None:
+    """Each kind of cloud and model: the points, the share within their expected error, and that of each bin."""
+    rows = _reliability()
+    made = []
+    for kind, model in dict.fromkeys((row[0], row[1]) for row in rows):
+        of_both = [row for row in rows if row[:2] == [kind, model]]
+        counts, shares = ([int(row[column]) for row in of_both] for column in (3, 6))
+        mean = sum(count * share for count, share in zip(counts, shares, strict=True)) / sum(counts)
+        near = sum(abs(share - 68) <= 5 for share in shares)
+        name = f"`{model}`" if model != "registration" else model
+        made.append([kind, name, f"{sum(counts):,}", f"{mean:.0f} %", *map(str, shares), str(near)])
+    table(["clouds", "model", "points", "within", *map(str, range(1, 11)), "68 ± 5"], made)
+
+
+def _reliability() -> list[list[str]]:
+    rows: list[list[str]] = json.loads((NUMBERS / "expected-errors.json").read_text(encoding="utf-8"))["rows"]
+    return rows
+
+
+def _bin(row: Sequence[str]) -> tuple[str, str]:
+    return row[4], f"{row[6]} ± {row[7]} %"
+
+
 def metrics() -> None:
     """Every metric and its convention."""
     from pcsr.metrics import METRICS
