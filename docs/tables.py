@@ -31,22 +31,22 @@ def numbers(*names: str) -> None:
     table(found[0]["columns"], [row for one in found for row in one["rows"]])
 
 
-def reliability(kind: str) -> None:
+def reliability(name: str, kind: str) -> None:
     """Expected errors of a kind of cloud in ten bins: the median of each bin, and the share of points within."""
-    rows = _reliability()
+    rows = _rows(name)
     models = list(dict.fromkeys(row[1] for row in rows if row[0] == kind))
     found = {(row[1], row[2]): row for row in rows if row[0] == kind}
     bins = [row[2] for row in rows if row[:2] == [kind, models[0]]]
     columns = [f"{what}, `{model}`" for model in models for what in ("expected", "within")]
     cells = [[one for model in models for one in _bin(found[model, number])] for number in bins]
     points = [found[models[0], number][3] for number in bins]
-    rows = [[number, *row, count] for number, row, count in zip(bins, cells, points, strict=True)]
-    table(["bin", *columns, "points each"], rows)
+    made = [[number, *row, count] for number, row, count in zip(bins, cells, points, strict=True)]
+    table(["bin", *columns, "points each"], made)
 
 
-def calibration() -> None:
+def calibration(name: str) -> None:
     """Each kind of cloud and model: the points, the share within their expected error, and that of each bin."""
-    rows = _reliability()
+    rows = _rows(name)
     made = []
     for kind, model in dict.fromkeys((row[0], row[1]) for row in rows):
         of_both = [row for row in rows if row[:2] == [kind, model]]
@@ -58,8 +58,8 @@ def calibration() -> None:
     table(["clouds", "model", "points", "within", *map(str, range(1, 11)), "68 ± 5"], made)
 
 
-def _reliability() -> list[list[str]]:
-    rows: list[list[str]] = json.loads((NUMBERS / "expected-errors.json").read_text(encoding="utf-8"))["rows"]
+def _rows(name: str) -> list[list[str]]:
+    rows: list[list[str]] = json.loads((NUMBERS / f"{name}.json").read_text(encoding="utf-8"))["rows"]
     return rows
 
 

@@ -20,6 +20,7 @@ from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
 from pcsr.plugins.loading import load_plugins, warn_of_failures
 from pcsr.recipe import Recipe
+from pcsr.stages import TwoStages
 from pcsr.touches import GivenTouches, TouchesLike
 from pcsr.uncertainty.upsampled import given_errors, upsampled_errors
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
@@ -143,7 +144,7 @@ class Model:
         given_touches = given_touches.moved(given_touches.registration(cloud))
         touched = given_touches.points(power)
         cloud = scaled(cloud, -power)
-        errors = None
+        errors, stages = None, TwoStages(advance, len(cloud) if "error" in fields else 0)
         with worker_pool(jobs, scheduler) as workers:
             source = candidates(self, alone=workers.executor is None)
             new = densify(
@@ -154,7 +155,7 @@ class Model:
                 normals=screened.normals,
                 keep=keep,
                 pool=workers,
-                advance=advance,
+                advance=stages.first,
             )
             if "error" in fields:
                 errors = upsampled_errors(
@@ -164,6 +165,7 @@ class Model:
                     touch_errors=given_touches.errors(power),
                     removed=float(np.ldexp(screened.removed, -power)),
                     pool=workers,
+                    advance=stages.second,
                 )
         dense = screened.cloud.with_new(scaled(new.points, power), keep=keep, used=screened.used)
         every = None

@@ -106,6 +106,15 @@ def test_processes_give_the_same_errors(interpolation):
     np.testing.assert_array_equal(one, two)
 
 
+def test_progress_includes_the_errors_and_ends_at_the_total(interpolation):
+    calls = []
+    interpolation.upsample(Cloud(waves()), fields=["error"], advance=lambda *both: calls.append(both))
+    done, totals = zip(*calls, strict=True)
+    assert list(done) == sorted(set(done))
+    assert set(totals) == {800}
+    assert done[-1] == 800
+
+
 def hole(points, middle=(10.0, 10.0), half=3.0):
     return points[(np.abs(points[:, :2] - middle) > half).any(1)]
 

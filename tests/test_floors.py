@@ -41,6 +41,7 @@ FLOORS = {
     "pcsr.options": 0,
     "pcsr.ros": 0,
     "pcsr.progress": 0,
+    "pcsr.stages": 0,
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
