@@ -18,7 +18,7 @@ from pcsr.errors import UserError
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
-from pcsr.plugins.loading import load_plugins, warn_of_failures
+from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.recipe import Recipe
 from pcsr.stages import TwoStages
 from pcsr.touches import GivenTouches, TouchesLike
@@ -196,7 +196,7 @@ def load(
         >>> pcsr.load("midpoint").name
         'midpoint'
     """
-    files = tuple(Path(file) for file in plugins)
+    files = plugin_paths(plugins)
     name = DEFAULT if model is None else str(model)
     if not name:
         raise UserError("the model is an empty text: give a name, a run folder or a weights file")
@@ -204,7 +204,7 @@ def load(
         return Model(name, None, None, {}, None, files)
     path = find(name, paths_first=True, hub=True, others=[INTERPOLATION])
     registry = load_plugins(files)
-    warn_of_failures(registry)
+    check_loaded(registry)
     network, recipe, card = load_weights(path, registry)
     try:
         network.to(device)

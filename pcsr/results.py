@@ -2,10 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
+from pcsr.counted import counted
 from pcsr.errors import UserError
 from pcsr.files import write_text
 from pcsr.metrics.touch_effect import TouchEffect
@@ -57,7 +58,7 @@ class MethodResult(BaseModel):
     parameters: int
     seconds: float
     """Wall time for one cloud; `Results.timing` names the average."""
-    values: dict[str, list[FiniteFloat]]
+    values: dict[str, list[Annotated[FiniteFloat, Field(gt=-1e100, lt=1e100)]]]
 
 
 class Training(BaseModel):
@@ -67,6 +68,12 @@ class Training(BaseModel):
 
     seconds: int | float | None = None
     steps: int | None = None
+    epochs: float | None = None
+    """Number of epochs that were trained, fewer than the recipe's after early stopping; None in older results."""
+    best_step: int | None = None
+    """Step of the weights that early stopping kept."""
+    weights: str | None = None
+    """SHA-256 hash of the weights, as in their card; None in results of pcsr 0.2 and older."""
     device: str | None = None
     threads: int | None = None
     validation: dict[str, Any] | None = None
@@ -109,6 +116,8 @@ class Results(BaseModel):
     timing: str = "mean"
     """Average that `MethodResult.seconds` are: the mean in results of pcsr 0.1.0, else the median."""
     hardware: dict[str, Any] = {}
+    code: str | None = None
+    """Hash of the code of pcsr; None in results of pcsr 0.2 and older."""
     created: str
 
     @property
@@ -127,9 +136,23 @@ class Results(BaseModel):
         return RecipeSettings.model_validate(self.recipe)
 
     @property
+    def budget(self) -> list[str]:
+        """Length of the training, such as ``["12 of 16 epochs", "96 steps", "weights of step 16"]``."""
+        training, epochs = self.training, self.settings.epochs
+        found = []
+        if epochs is not None:
+            stopped = training.epochs is not None and training.epochs < epochs
+            found.append(f"{training.epochs:g} of {epochs} epochs" if stopped else counted(epochs, "epoch"))
+        if training.steps is not None:
+            found.append(counted(training.steps, "step"))
+        if training.best_step is not None:
+            found.append(f"weights of step {training.best_step}")
+        return found
+
+    @property
     def seconds_per_epoch(self) -> float | None:
         """Wall time of one epoch of the training; None where the weights' card has no time."""
-        seconds, epochs = self.training.seconds, self.settings.epochs
+        seconds, epochs = self.training.seconds, self.training.epochs or self.settings.epochs
         return None if seconds is None or epochs is None else seconds / epochs
 
     @property
@@ -213,15 +236,7 @@ def read_results(path: Path) -> Results:
     Raises:
         UserError: the file is missing or malformed.
     """
-    try:
-        data = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise UserError(f"{path}:{error.lineno}: {error.msg}; {RERUN}") from error
-    except RecursionError as error:
-        raise UserError(f"{path}: nested too deeply; {RERUN}") from error
-    if not isinstance(data, dict):
-        raise UserError(f"{path}: not a JSON object; {RERUN}")
-    return parse_results(data, str(path))
+    return parse_results(read_object(path), str(path))
 
 
 def write_results(path: Path, results: Results) -> None:
@@ -231,6 +246,25 @@ def write_results(path: Path, results: Results) -> None:
         RunError: the file can't be written.
     """
     write_text(path, json.dumps(results.model_dump(exclude_unset=True), indent=1))
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a JSON object from a file of a run folder.
+
+    Raises:
+        UserError: the file is missing, can't be read or is not a JSON object.
+    """
+    try:
+        data = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise UserError(f"{path}:{error.lineno}: {error.msg}; {RERUN}") from error
+    except RecursionError as error:
+        raise UserError(f"{path}: nested too deeply; {RERUN}") from error
+    except ValueError as error:
+        raise UserError(f"{path}: a number has too many digits; {RERUN}") from error
+    if not isinstance(data, dict):
+        raise UserError(f"{path}: not a JSON object; {RERUN}")
+    return data
 
 
 def read_text(path: Path) -> str:

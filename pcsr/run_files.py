@@ -14,12 +14,13 @@ from safetensors import SafetensorError, safe_open
 
 from pcsr.errors import UserError
 from pcsr.files import save_tensors
-from pcsr.results import RERUN, Results, read_results, read_text, write_results
+from pcsr.results import RERUN, Results, read_object, read_results, read_text, write_results
 from pcsr.weights import WEIGHTS
 
 Cloud = Float[np.ndarray, "_ 3"]
 RESULTS, EXAMPLES, HISTORY = "results.json", "examples.safetensors", "metrics.jsonl"
 RECIPE, ENVIRONMENT, CHECKPOINT = "recipe.json", "environment.json", "checkpoint.safetensors"
+REPORT = "report.html"
 PLUGINS = "plugins"
 """Folder, within a run folder, of the copies of plugin files."""
 
@@ -105,12 +106,15 @@ def read_environment(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / ENVIRONMENT
     if not path.exists():
         return {}
-    try:
-        stages = json.loads(read_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise UserError(f"{path} is not JSON: {error}; {RERUN}") from error
-    if not isinstance(stages, dict) or not all(isinstance(about, dict) for about in stages.values()):
+    stages = read_object(path)
+    if not all(isinstance(about, dict) for about in stages.values()):
         raise UserError(f"{path} is not an object of stages; {RERUN}")
+    for stage, about in stages.items():
+        git = about.get("git", [])
+        if not isinstance(git, list) or not all(isinstance(one, dict) for one in git):
+            raise UserError(f"{path}: {stage}.git is not a list of objects; {RERUN}")
+        if not isinstance(about.get("plugins", {}), dict):
+            raise UserError(f"{path}: {stage}.plugins is not an object; {RERUN}")
     return stages
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from pcsr.errors import UserError
 from pcsr.recipe.part_keys import NETWORK_KEYS, PARTS
-from pcsr.results import Results, read_results, read_text
-from pcsr.run_files import EXAMPLES, HISTORY, RECIPE, RESULTS, check_run_folder, is_run_folder
+from pcsr.results import Results, read_object, read_results, read_text
+from pcsr.run_files import EXAMPLES, HISTORY, RECIPE, REPORT, RESULTS, check_run_folder, is_run_folder
 from pcsr.weights import WEIGHTS
 
 FINISHED, UNFINISHED, DAMAGED = "finished", "unfinished", "damaged"
@@ -59,8 +59,9 @@ class RunFolder:
 
     @cached_property
     def changed(self) -> float:
-        """Time of the last change of a file, in seconds since 1970."""
-        times = [path.lstat().st_mtime for path in self.folder.iterdir() if path.is_file()]
+        """Time of the last change of a file other than the report, in seconds since 1970."""
+        files = [path for path in self.folder.iterdir() if path.is_file() and path.name != REPORT]
+        times = [path.lstat().st_mtime for path in files]
         return max(times, default=self.folder.stat().st_mtime)
 
     @property
@@ -113,10 +114,14 @@ class RunFolder:
         return found.get("use") if isinstance(found, dict) and "use" in found else found
 
     def matches(self, key: str, pattern: str) -> bool:
-        """Whether the text of a value matches a pattern of the shell, such as `smoke-*`."""
+        """Whether the text of a value matches a pattern of the shell, such as `smoke-*`.
+
+        A name is that of the folder or of the recipe; a part may be written with the hash of its code, as in `parts`.
+        """
         value = self.value(key)
         text = "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-        return fnmatchcase(text, pattern)
+        other = self.recipe.get("name") if key == "name" else self.parts.get(SHORT_KEYS.get(key, key))
+        return fnmatchcase(text, pattern) or (isinstance(other, str) and fnmatchcase(other, pattern))
 
 
 def run_folders(runs: Path) -> list[RunFolder]:
@@ -130,6 +135,21 @@ def run_folders(runs: Path) -> list[RunFolder]:
     except OSError as error:
         raise UserError(f"the folder of runs, {runs}, cannot be read: {error.strerror}; name it with --runs") from error
     return [RunFolder.read(path) for path in inside if is_run_folder(path)]
+
+
+def find_runs(named: Path, runs: Path) -> list[Path]:
+    """Return the run folders that a pattern of the shell matches, such as `smoke-*`, or that of `find_run`.
+
+    Raises:
+        UserError: there is none, or several begin like that.
+    """
+    if not set(str(named)) & set("*?[") or named.is_dir() or (runs / named).is_dir():
+        return [find_run(named, runs)]
+    inside = sorted(path for path in runs.iterdir() if is_run_folder(path)) if runs.is_dir() else []
+    found = [path for path in inside if fnmatchcase(path.name, str(named)) or fnmatchcase(str(path), str(named))]
+    if not found:
+        raise UserError(f"no run in {runs} matches '{named}': pcsr runs lists the runs")
+    return found
 
 
 def find_run(named: Path, runs: Path) -> Path:
@@ -154,15 +174,7 @@ def find_run(named: Path, runs: Path) -> Path:
 
 def _recipe(folder: Path) -> dict[str, Any]:
     """Return the resolved recipe of an unfinished run; empty in folders of pcsr before 0.3 that were not trained."""
-    if not (folder / RECIPE).exists():
-        return {}
-    try:
-        recipe = json.loads(read_text(folder / RECIPE))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise UserError(f"{folder / RECIPE} is not JSON: {error}") from error
-    if not isinstance(recipe, dict):
-        raise UserError(f"{folder / RECIPE} is not a JSON object")
-    return recipe
+    return read_object(folder / RECIPE) if (folder / RECIPE).exists() else {}
 
 
 def _progress(folder: Path) -> str:
@@ -180,7 +192,7 @@ def _lines(history: Path) -> Iterator[dict[str, Any]]:
     for text in reversed(read_text(history).splitlines()):
         try:
             line = json.loads(text)
-        except (json.JSONDecodeError, RecursionError):
+        except (ValueError, RecursionError):
             continue
         if isinstance(line, dict):
             yield line

@@ -15,7 +15,7 @@ from pcsr.clouds.formats import read_points, write_points
 from pcsr.metrics import METRICS
 from pcsr.network.card import __file__ as card
 from pcsr.network.load import __file__ as loading
-from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.loading import check_loaded, load_plugins
 from pcsr.recorded import write
 from pcsr.testing import checks_for
 from pcsr.weights.file import __file__ as weights_file
@@ -68,7 +68,9 @@ def test_the_fusion_of_the_readme_keeps_its_contract(tmp_path):
     readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "pcsr_register" in block)
     (tmp_path / "my_fusion.py").write_text(code)
-    fusion = load_plugins([tmp_path / "my_fusion.py"]).get("fusion", "cross-attention")
+    registry = load_plugins([tmp_path / "my_fusion.py"])
+    check_loaded(registry)
+    fusion = registry.get("fusion", "my-attention")
     outcomes = [check.outcome() for check in checks_for(fusion)]
     assert len(outcomes) > 10
     assert not [one for one in outcomes if one.result == "failed"]

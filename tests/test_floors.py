@@ -17,6 +17,7 @@ FLOORS = {
     "pcsr.touches": 3,
     "pcsr.results": 2,
     "pcsr.run_files": 3,
+    "pcsr.run_folders": 4,
     "pcsr.upsample": 4,
     "pcsr.uncertainty": 4,
     "pcsr.network": 3,
@@ -24,6 +25,7 @@ FLOORS = {
     "pcsr.data": 3,
     "pcsr.testing": 3,
     "pcsr.recipe": 2,
+    "pcsr.weights": 2,
     "pcsr.recipes": 1,
     "pcsr.recorded": 2,
     "pcsr.registration": 2,
@@ -32,7 +34,6 @@ FLOORS = {
     "pcsr.contracts": 1,
     "pcsr.metrics": 1,
     "pcsr.clouds": 1,
-    "pcsr.weights": 1,
     "pcsr.geometry": 0,
     "pcsr.tensors": 0,
     "pcsr.files": 0,
@@ -45,6 +46,8 @@ FLOORS = {
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
+    "pcsr.counted": 0,
+    "pcsr.random_state": 0,
     "pcsr.version": 0,
     "pcsr.validation_messages": 0,
     "pcsr.extras": 0,
@@ -70,10 +73,14 @@ SAME_FLOOR = {
     ("pcsr.geometry", "pcsr.tensors"),
     ("pcsr.contracts", "pcsr.clouds"),
     ("pcsr.plugins", "pcsr.contracts"),
+    ("pcsr.recipe", "pcsr.results"),
+    ("pcsr.recipe", "pcsr.weights"),
+    ("pcsr.weights", "pcsr.results"),
+    ("pcsr.network", "pcsr.run_files"),
     ("pcsr.metrics", "pcsr.clouds"),
     ("pcsr.metrics", "pcsr.contracts"),
     ("pcsr.metrics", "pcsr.plugins"),
-    ("pcsr.grafting", "pcsr.network"),
+    ("pcsr.network", "pcsr.grafting"),
     ("pcsr.testing", "pcsr.network"),
     ("pcsr.uncertainty", "pcsr.upsample"),
 }
@@ -155,7 +162,7 @@ def test_plugins_import_only_what_is_public(name):
 @pytest.mark.parametrize("name", [name for name in ours("pcsr") if unit(name) == "pcsr.cli"])
 def test_commands_import_nothing_heavy_before_they_are_called(name):
     top = imports(parse(name), top=True)
-    allowed = {"pcsr", "pcsr.errors", "pcsr.version"}
+    allowed = {"pcsr", "pcsr.counted", "pcsr.errors", "pcsr.version"}
     assert not {
         m for m in top if m.split(".")[0] in ("torch", "numpy", "scipy", "trimesh", "plotly", "pydantic", "rich")
     }

@@ -138,7 +138,10 @@ def test_the_parts_of_a_recipe_of_ones_own_are_checked_as_ever(elsewhere, tmp_pa
 def test_parts_of_the_network_are_needed(elsewhere, place, tmp_path):
     path, recipe = elsewhere
     plain = recipe.resolved()
-    plain[place[0]][place[1]] = {"use": "gone"}
+    if "graft" in place:
+        plain["model"] = {"graft": {"network": "theirs.py:Theirs", "at": "encoder", place[-1]: {"use": "gone"}}}
+    else:
+        plain[place[0]][place[1]] = {"use": "gone"}
     save_weights(path, build(recipe, load_plugins()), {"recipe": plain})
     with pytest.raises(pcsr.UserError, match=f"need {PARTS[place]} 'gone'"):
         load(path)

@@ -34,7 +34,8 @@ def test_age_is_that_of_the_newest_file(tmp_path):
     for path in folder.iterdir():
         os.utime(path, (1000, 1000))
     os.utime(folder / "metrics.jsonl", (3000, 3000))
-    assert RunFolder.read(folder).changed == 3000
+    (folder / "report.html").touch()
+    assert RunFolder.read(folder).changed == 3000, "the report may be made again"
 
 
 @pytest.mark.parametrize(
@@ -46,7 +47,9 @@ def test_age_is_that_of_the_newest_file(tmp_path):
         (lambda folder: (unfinish(folder) / "metrics.jsonl").write_text('{"step": 1, "loss": 1}\n{"st'), UNFINISHED,
          "training stopped after step 1"),
         (lambda folder: (folder / "results.json").write_text("{"), DAMAGED, "results.json:1"),
-        (lambda folder: (unfinish(folder) / "recipe.json").write_text("[]"), DAMAGED, "is not a JSON object"),
+        (lambda folder: (unfinish(folder) / "recipe.json").write_text("[]"), DAMAGED, "not a JSON object"),
+        (lambda folder: (folder / "results.json").write_text("1" * 5000), DAMAGED, "a number has too many digits"),
+        (lambda folder: (unfinish(folder) / "recipe.json").write_text("[" * 99_999), DAMAGED, "nested too deeply"),
         (lambda folder: (folder / "examples.safetensors").unlink(), DAMAGED, "examples.safetensors is missing"),
     ],
 )  # fmt: skip

@@ -63,7 +63,7 @@ def test_all_numbers_are_there_and_nothing_that_json_does_not_know(registry, spl
     assert made == results.model_dump(exclude_unset=True)
     assert list(made) == [
         *("name", "fingerprint", "seed", "version", "recipe", "data", "metrics", "objects", "groups", "methods"),
-        *("touch", "training", "protocol", "timing", "hardware", "created"),
+        *("touch", "training", "protocol", "timing", "hardware", "code", "created"),
     ]
     assert list(made["data"]) == [
         *("shapes", "split", "points", "truth", "rate", "touches", "sampling", "seed", "normalisation"),

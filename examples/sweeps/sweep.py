@@ -60,12 +60,23 @@ def validation_error(recipe: str, settings: dict[str, Any], runs: Path, fixed: S
     name = "sweep-" + hashlib.sha256(json.dumps([recipe, settings, *fixed]).encode()).hexdigest()[:12]
     words = [*fixed, *LITTLE, f"name={name}"]
     command = [sys.executable, "-m", "pcsr.cli", "run", recipe, "--runs", str(runs), *options(settings)]
-    done = subprocess.run([*command, *(word for one in words for word in ("--set", one))], stdout=sys.stderr)
-    if done.returncode == DIVERGED:
-        return math.inf
-    done.check_returncode()
-    (results,) = runs.glob(f"{name}-*/results.json")
-    return float(json.loads(results.read_text(encoding="utf-8"))["training"]["validation"]["cd"])
+    command += [word for one in words for word in ("--set", one)]
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    error = math.inf
+    if done.returncode != DIVERGED:
+        if done.returncode:
+            sys.stderr.write(done.stderr)
+        done.check_returncode()
+        (results,) = runs.glob(f"{name}-*/results.json")
+        error = float(json.loads(results.read_text(encoding="utf-8"))["training"]["validation"]["cd"])
+    print(described(settings, error), flush=True)  # noqa: T201
+    return error
+
+
+def described(settings: dict[str, Any], error: float) -> str:
+    """The validation error and the settings as a line."""
+    listed = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in settings.items())
+    return f"validation cd ×10³ {1000 * error:.4g}: {listed}"
 
 
 def search_at_random(error: Callable[[dict[str, Any]], float], trials: int, seed: int) -> dict[str, Any]:
@@ -92,10 +103,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--optuna", action="store_true", help="search with Optuna (pip install optuna)")
     given = parser.parse_args(arguments)
     search = search_with_optuna if given.optuna else search_at_random
-    best = search(lambda one: validation_error(given.recipe, one, given.runs, given.set), given.trials, given.seed)
+    errors: dict[str, float] = {}
+
+    def error(settings: dict[str, Any]) -> float:
+        found = validation_error(given.recipe, settings, given.runs, given.set)
+        return errors.setdefault(json.dumps(settings), found)
+
+    best = search(error, given.trials, given.seed)
     fixed = [word for one in given.set for word in ("--set", one)]
     words = ["pcsr", "run", given.recipe, "--runs", str(given.runs), *fixed, *options(best)]
-    print("the best:", *(f"'{word}'" if set(word) & set(' []{}"') else word for word in words))  # noqa: T201
+    print(f"the best: {described(best, errors[json.dumps(best)])}")  # noqa: T201
+    print(*(f"'{word}'" if set(word) & set(' []{}"') else word for word in words))  # noqa: T201
 
 
 if __name__ == "__main__":

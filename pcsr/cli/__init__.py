@@ -149,7 +149,7 @@ def _reported_errors(trace: bool = False) -> Iterator[None]:
         yield
     except (click.ClickException, click.exceptions.Exit, click.Abort):
         raise
-    except (Exception, KeyboardInterrupt) as error:
+    except (Exception, KeyboardInterrupt, SystemExit) as error:  # SystemExit: code of a plugin ends the process
         if isinstance(error, OSError) and error.errno == errno.EPIPE:
             raise  # the reader of the pipe ended early, as `head` does: click exits quietly
         message, code = explain(error)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pcsr.cli import streams
-from pcsr.cli.comparing import FORMATS, check_failed, read_runs, show, table_options
+from pcsr.cli.comparing import check_failed, read_runs, show, table_files, table_options
 from pcsr.cli.options import FILE, complete_part, plugin_option, set_option
 from pcsr.cli.running import prepared, run_each, run_options
 from pcsr.errors import UserError, did_you_mean
@@ -79,6 +79,7 @@ def compare(
         raise UserError(
             f"--name {name!r}: it must have 1 to 100 characters of a-z, 0-9, . and -, and begin with a letter or digit"
         )
+    tables = table_files(others)
     folders, files = _sorted_out(compared)
     axes = _axes({kind: others[kind] for kind in KINDS}, seeds, registry)
     if not files and (axes or overrides):
@@ -102,7 +103,7 @@ def compare(
     if left_out and not recipes and not done:
         raise UserError("no run is left to compare: name one that is finished")
     if done and (len(every) > 1 or folders):
-        show(done, [*left_out, *failed], name, options.runs, {form: others[form] for form in FORMATS if others[form]})
+        show(done, [*left_out, *failed], name, options.runs, tables)
     check_failed(failed, len(recipes))
 
 

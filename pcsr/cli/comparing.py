@@ -1,8 +1,9 @@
 """Tables of several runs: on the screen, as a page, and as files of LaTeX, Markdown and CSV."""
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-FORMATS = {"latex": "LaTeX, with booktabs", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
+FORMATS = {"latex": "LaTeX, with booktabs and graphicx", "markdown": "Markdown", "csv": "CSV, with unrounded numbers"}
 """Formats of tables, each of which is an option of the command line."""
 
 
@@ -26,6 +27,23 @@ def table_options(command: Callable[..., Result]) -> Callable[..., Result]:
             f"--{name}", type=FILE, default=None, metavar="FILE", help=f"Write the tables to this file as {text}."
         )(command)
     return command
+
+
+def table_files(options: dict[str, Any]) -> dict[str, Path]:
+    """Return the files that the options of `table_options` name, by format, after a check that needs no tables.
+
+    Raises:
+        UserError: two are the same file, or one cannot be a file.
+    """
+    from pcsr.files import check_target
+
+    files = {form: options[form] for form in FORMATS if options[form] is not None}
+    named: dict[str, str] = {}
+    for form, path in files.items():
+        check_target(path)
+        if (other := named.setdefault(os.path.realpath(path), form)) != form:
+            raise UserError(f"--{other} and --{form} name the same file, {path}: name two")
+    return files
 
 
 def read_runs(folders: Sequence[Path]) -> "tuple[list[FinishedRun | None], list[str]]":
@@ -61,7 +79,7 @@ def show(
     folder: Path,
     files: dict[str, Path] | None = None,
 ) -> None:
-    """Print the tables of runs, and write them to a page and to files.
+    """Write the tables of runs to a page and to files, and print them.
 
     Args:
         runs: the runs, at least one.
@@ -78,12 +96,14 @@ def show(
 
     console = streams.console()
     compared = report.comparison([one.results for one in runs], name, left_out)
+    # Before anything is printed, as the reader of a pipe may end after a few lines.
+    for kind, path in (files or {}).items():
+        report.write_tables(compared, kind, path)
+    page = report.write_comparison(compared, runs, folder)
     for table in report.tables(compared):
         console.print(table)
     for kind, path in (files or {}).items():
-        report.write_tables(compared, kind, path)
         console.print(f"{kind}: {path}", soft_wrap=True, markup=False, highlight=False)
-    page = report.write_comparison(compared, runs, folder)
     console.print(f"all runs: {page}", soft_wrap=True, markup=False, highlight=False)
 
 

@@ -78,22 +78,22 @@ PLUGIN = _Plugin(path_type=Path)
 def plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """Add `--plugin FILE` to a command, and pass it a `pcsr.plugins.registry.Registry` as `registry`.
 
-    A warning names each file that fails to load.
+    A file that fails to load ends the command.
     """
-    return _with_plugins(command, files_win=False, warn=True)
+    return _with_plugins(command, files_win=False, check=True)
 
 
 def listed_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
-    """Do as `plugin_option`, without warnings: for commands that list the plugins that fail to load themselves."""
-    return _with_plugins(command, files_win=False, warn=False)
+    """Do as `plugin_option`, without an error: for commands that list the plugins that fail to load themselves."""
+    return _with_plugins(command, files_win=False, check=False)
 
 
 def winning_plugin_option(command: Callable[..., Result]) -> Callable[..., Result]:
     """Do as `listed_plugin_option`, and let a file's part replace an installed part of the same name."""
-    return _with_plugins(command, files_win=True, warn=False)
+    return _with_plugins(command, files_win=True, check=False)
 
 
-def _with_plugins(command: Callable[..., Result], *, files_win: bool, warn: bool) -> Callable[..., Result]:
+def _with_plugins(command: Callable[..., Result], *, files_win: bool, check: bool) -> Callable[..., Result]:
 
     @click.option(
         "--plugin",
@@ -105,11 +105,11 @@ def _with_plugins(command: Callable[..., Result], *, files_win: bool, warn: bool
     )
     @functools.wraps(command)
     def with_registry(*args: object, plugin_files: tuple[Path, ...], **kwargs: object) -> Result:
-        from pcsr.plugins.loading import load_plugins, warn_of_failures
+        from pcsr.plugins.loading import check_loaded, load_plugins
 
         registry = load_plugins(plugin_files, files_win=files_win)
-        if warn:
-            warn_of_failures(registry)
+        if check:
+            check_loaded(registry)
         return command(*args, registry=registry, **kwargs)
 
     return with_registry

@@ -25,7 +25,8 @@ def recipe() -> None:
 def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Registry") -> None:
     """Check recipes and report all mistakes.
 
-    Each mistake is printed on one line with its file, line and column, and how to mend it.
+    Each mistake is printed on one line with its file, line and column, and how to mend it. The runs of a study are
+    listed with their numbers for pcsr run --row.
     """
     from pcsr.errors import UserError
     from pcsr.recipe import load
@@ -38,7 +39,9 @@ def check(files: tuple[Path, ...], overrides: tuple[str, ...], registry: "Regist
             wrong = True
             click.echo(str(error), err=True)
         else:
-            click.echo(f"{file}: good" + (f", {len(recipes)} runs" if len(recipes) > 1 else ""))
+            click.echo(f"{file}: good" + (f", {len(recipes)} runs:" if len(recipes) > 1 else ""))
+            for number, one in enumerate(recipes if len(recipes) > 1 else (), 1):
+                click.echo(f"{number:>5} {one.name}")
     if wrong:
         click.get_current_context().exit(UserError.exit_code)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain")
+RUN_OPTIONS = ("runs", "device", "devices", "nodes", "jobs", "data", "keep_weights", "retrain", "reevaluate")
 """Fields of `pcsr.experiments.run_options.RunOptions`, each of which is an option of the command line."""
 
 _OPTIONS = (
@@ -66,6 +66,7 @@ _OPTIONS = (
         is_flag=True,
         help="Train even if finished weights exist. They are replaced when training is finished.",
     ),
+    click.option("--reevaluate", is_flag=True, help="Evaluate even if finished results exist."),
 )
 
 
@@ -146,6 +147,7 @@ def run_each(
 
     from pcsr import report
     from pcsr.experiments.run import run
+    from pcsr.run_files import REPORT
 
     console, log = streams.console(), streams.console(error=True)
     finished: list[FinishedRun | None] = []
@@ -164,7 +166,7 @@ def run_each(
             done = None
         finished.append(done)
         if done is not None:
-            where_to = f"report: {done.folder / report.REPORT}"
+            where_to = f"report: {done.folder / REPORT}"
             if alone or console.is_terminal:
                 console.print(report.table(done.results))
             else:  # the table of all runs follows

@@ -12,7 +12,8 @@ from pcsr.cli import streams
 from pcsr.cli.options import FILE
 from pcsr.cli.runs_remove import remove
 from pcsr.cli.runs_show import show
-from pcsr.errors import UserError, did_you_mean
+from pcsr.cli.runs_where import check_key, chosen, where_option
+from pcsr.counted import counted
 
 if TYPE_CHECKING:
     from pcsr.run_folders import RunFolder
@@ -20,14 +21,7 @@ if TYPE_CHECKING:
 
 @click.group(invoke_without_command=True)
 @click.option("--runs", type=FILE, default=Path("runs"), show_default=True, help="Folder of the run folders.")
-@click.option(
-    "--where",
-    "conditions",
-    multiple=True,
-    metavar="KEY=PATTERN",
-    help="List only runs whose value matches: name, state, seed, version, a part such as fusion, or a key of the "
-    "recipe such as train.epochs. May be repeated.",
-)
+@where_option
 @click.option(
     "--sort",
     "key",
@@ -49,6 +43,7 @@ def runs(context: click.Context, runs: Path, conditions: tuple[str, ...], key: s
     pcsr runs --where fusion=iterative --sort cd
     pcsr runs show smoke-1a2b3c4d
     pcsr runs rm smoke-1a2b3c4d
+    pcsr runs rm 'smoke-*' --where state=unfinished
     """  # noqa: D301 (click's mark is the letter itself)
     context.obj = runs
     if context.invoked_subcommand is not None:
@@ -56,7 +51,7 @@ def runs(context: click.Context, runs: Path, conditions: tuple[str, ...], key: s
     from pcsr.run_folders import run_folders
 
     every = run_folders(runs)
-    listed = _chosen(every, conditions)
+    listed = chosen(every, conditions)
     listed = _sorted(listed, key, reverse)
     if plain:
         click.echo(json.dumps([_plain(run) for run in listed], indent=1))
@@ -71,51 +66,17 @@ def runs(context: click.Context, runs: Path, conditions: tuple[str, ...], key: s
         click.echo(f"no run in {runs}" + (f" matches; it has {len(every)}" if every else ""))
 
 
-def _chosen(every: "Sequence[RunFolder]", conditions: Sequence[str]) -> "list[RunFolder]":
-    """Return the runs that meet all conditions.
-
-    Raises:
-        UserError: a condition has no `=`, or no run has its key.
-    """
-    chosen = list(every)
-    for condition in conditions:
-        key, equals, pattern = condition.partition("=")
-        if not equals or not key:
-            raise UserError(f"--where {condition}: write KEY=PATTERN, for example --where fusion=iterative")
-        _check_key("--where", key, every)
-        chosen = [run for run in chosen if run.matches(key, pattern)]
-    return chosen
-
-
 def _sorted(listed: "Sequence[RunFolder]", key: str, reverse: bool) -> "list[RunFolder]":
     """Return runs in the order of a value; those without it come last.
 
     Raises:
         UserError: no run has the key.
     """
-    _check_key("--sort", key, listed)
+    check_key("--sort", key, listed)
     having = [run for run in listed if run.value(key) is not None]
     numbers = all(isinstance(run.value(key), int | float) for run in having)
     having.sort(key=lambda run: run.value(key) if numbers else str(run.value(key)), reverse=reverse)
     return [*having, *(run for run in listed if run.value(key) is None)]
-
-
-def _check_key(option: str, key: str, every: "Sequence[RunFolder]") -> None:
-    from pcsr.run_folders import SHORT_KEYS
-
-    if every and all(run.value(key) is None for run in every):
-        known = {
-            "name",
-            "state",
-            "age",
-            "size",
-            "version",
-            "seed",
-            *SHORT_KEYS,
-            *(m for run in every for m in run.means),
-        }
-        if key not in known:
-            raise UserError(f"{option} {key}: no run has such a value: {did_you_mean(key, known)}")
 
 
 def _table(listed: "Sequence[RunFolder]", folder: Path) -> Any:
@@ -138,7 +99,7 @@ def _table(listed: "Sequence[RunFolder]", folder: Path) -> Any:
         parts = [run.parts.get(key, "") for key in kinds]
         cells.append([name, "" if seed is None else str(seed), *parts, budget(run), *means, age(run)])
         cells[-1].append(gigabytes(run.size))
-    note = f"{len(listed)} runs, {gigabytes(sum(run.size for run in listed))} in {folder}. "
+    note = f"{counted(len(listed), 'run')}, {gigabytes(sum(run.size for run in listed))} in {folder}. "
     if common:
         note += (
             f"All have {', '.join(f'{key} {name}' for key, name in listed[0].parts.items() if (key, name) in common)}. "
@@ -151,10 +112,10 @@ def budget(run: "RunFolder") -> str:
     """Length of a run's training, such as ``10 epochs, 600 steps``."""
     if run.value("weights") is not None:
         return f"weights {run.value('weights')}"
+    if run.results is not None:
+        return ", ".join(run.results.budget)
     epochs = run.value("train.epochs")
-    steps = None if run.results is None else run.results.training.steps
-    found = (f"{epochs} epochs" if epochs is not None else "", f"{steps} steps" if steps is not None else "")
-    return ", ".join(filter(None, found))
+    return "" if epochs is None else counted(epochs, "epoch")
 
 
 def age(run: "RunFolder") -> str:

@@ -49,9 +49,7 @@ def _facts(run: "RunFolder") -> list[tuple[str, str]]:
         facts.append(("recipe", f"{run.recipe.get('name')}, seed {run.recipe.get('seed')}{fingerprint}"))
     facts += [("part", f"{key}: {name}") for key, name in run.parts.items()]
     if run.results is not None:
-        training = run.results.training
-        steps = "" if training.steps is None else f", {training.steps} steps"
-        facts.append(("training", f"{training.source}{steps}"))
+        facts.append(("training", ", ".join([run.results.training.source, *run.results.budget])))
     try:
         stages = read_environment(run.folder)
     except UserError as error:
@@ -72,10 +70,9 @@ def _environment(about: dict[str, Any]) -> list[tuple[str, str]]:
     torch = packages.get("torch") if isinstance(packages, dict) else None
     versions = f"pcsr {about.get('pcsr')}, torch {torch}, Python {about.get('python')}, {about.get('system')}"
     facts = [("made by", f"{versions}, {about.get('time')}")]
-    for one in about.get("git") or []:
-        if isinstance(one, dict):
-            changed = ", with changes" if one.get("changed") else ""
-            facts.append(("git", f"{one.get('repository')} {one.get('commit')}{changed}"))
+    for one in about.get("git", ()):
+        changed = ", with changes" if one.get("changed") else ""
+        facts.append(("git", f"{one.get('repository')} {one.get('commit')}{changed}"))
     if about.get("command"):
         facts.append(("command", str(about["command"])))
     return facts
@@ -88,7 +85,7 @@ def repeat(run: "RunFolder", stages: dict[str, dict[str, Any]]) -> str:
     if not (run.folder / RECIPE).exists():
         return ""
     words = ["pcsr", "run", str(run.folder / RECIPE)]
-    copies = dict.fromkeys(copy for about in stages.values() for copy in about.get("plugins") or ())
+    copies = dict.fromkeys(copy for about in stages.values() for copy in about.get("plugins", {}))
     for copy in copies:
         words += ["--plugin", str(run.folder / copy)]
     return shlex.join([*words, "--runs", "repeated"])

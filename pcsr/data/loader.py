@@ -9,12 +9,13 @@ from jaxtyping import Float
 from rich.console import Console
 from torch import Tensor
 
+from pcsr.contracts import SPLITS
 from pcsr.data.batches import Batches, usable
 from pcsr.data.built import BuiltData
 from pcsr.data.dataset import Split
 from pcsr.data.source import data_of
 from pcsr.errors import UserError, did_you_mean
-from pcsr.plugins.loading import check_loaded, load_plugins
+from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.progress import progress_bars
 from pcsr.recipe import Patches, load
 from pcsr.recipe.train_section import Augmentation, Train
@@ -55,6 +56,8 @@ class Loader:
         augment: names of augmentations, as `train.augment` in a recipe.
         seed: seed of the batches.
         plugins: Python files with parts that the recipe names.
+        jobs: number of processes that build the data of a recipe. More than one import the script again, whose
+            statements must then be under `if __name__ == "__main__":`.
 
     Raises:
         UserError: there are no such data, or not as many touches; or an unknown augmentation.
@@ -79,13 +82,16 @@ class Loader:
         augment: Sequence[str] = DEFAULT_AUGMENT,
         seed: int = 0,
         plugins: Sequence[str | Path] = (),
+        jobs: int = 1,
     ) -> None:
         for name in augment:
             if name not in get_args(Augmentation):
                 raise UserError(f"augmentation {name!r} is unknown: {did_you_mean(name, get_args(Augmentation))}")
         if batch < 1:
             raise UserError(f"batch is {batch}: it must be at least 1")
-        loaded, sampling, most = _loaded([data] if isinstance(data, str | Path) else data, split, plugins)
+        if not 0 <= seed < 2**32:
+            raise UserError(f"seed is {seed}: it must be 0 or more, and less than {2**32}")
+        loaded, sampling, most = _loaded([data] if isinstance(data, str | Path) else data, split, plugins, jobs)
         low, high = (touches, touches) if isinstance(touches, int) else touches or (most, most)
         if not 0 <= low <= high <= most:
             raise UserError(f"touches is {touches}: the data have {most} of each object, so give 0 to {most}")
@@ -112,7 +118,7 @@ class Loader:
             yield TrainingBatch(batch.points, batch.touches.points, batch.touches.mask, batch.truth)
 
 
-def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path]) -> tuple[Split, str, int]:
+def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path], jobs: int) -> tuple[Split, str, int]:
     """Load or build a split; return it with its sampling and its number of touches."""
     folders = [Path(one) for one in data]
     if len(folders) > 1 or os.path.isdir(folders[0]):
@@ -120,12 +126,14 @@ def _loaded(data: Sequence[str | Path], split: str, plugins: Sequence[str | Path
         samplings = {manifest.data.sampling for manifest in built.manifests}
         most = min(manifest.data.touches for manifest in built.manifests)
         return built.split(split), samplings.pop() if len(samplings) == 1 else "mixed", most
-    registry = load_plugins(map(Path, plugins))
+    registry = load_plugins(plugin_paths(plugins))
     check_loaded(registry)
     recipes = load(folders[0], registry)
     if len(recipes) != 1:
         raise UserError(f"{folders[0]} describes {len(recipes)} runs: give a recipe of one, or a folder of data")
     (recipe,) = recipes
+    if split not in SPLITS:
+        raise UserError(f"split is {split!r}: {did_you_mean(str(split), SPLITS)}")
     with progress_bars(Console(stderr=True), hidden=False) as progress:
-        loaded = data_of(recipe, registry, Path("runs"))[1](split, progress)
+        loaded = data_of(recipe, registry, Path("runs"), jobs=jobs)[1](split, progress)
     return loaded, recipe.data.sampling, recipe.most_touches

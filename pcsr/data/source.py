@@ -47,7 +47,7 @@ def data_of(
 
     def load(split: str, progress: Progress) -> Split:
         names = plan.split(split)
-        task = progress.add_task(f"building the {split} data", total=len(names))
+        task = progress.add_task(f"{split} data", total=len(names))
         folder = runs / "data" / plan.fingerprint[:12]
         with worker_pool(jobs) as workers:
             return load_or_build(plan, split, folder, workers, lambda count: progress.advance(task, count))

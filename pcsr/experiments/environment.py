@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import os
 import platform
 import shutil
 import subprocess
@@ -40,10 +41,15 @@ def record(folder: Path, stage: str, recipe: Recipe, registry: Registry, command
     """
     files = plugin_files(recipe, registry)
     write_text(folder / RECIPE, json.dumps(recipe.resolved(), indent=1))
+    imports = {file.resolve(): found for file, found in registry.imports.items()}
+    plugins = {}
     for name, file in files.items():
-        for path in python_files(str(file), in_file=True):
-            write_bytes(folder / PLUGINS / name / path.relative_to(file.parent), path.read_bytes())
-    plugins = {f"{PLUGINS}/{name}/{file.name}": file_code(file) for name, file in files.items()}
+        others = imports.get(file, [])
+        modules = {*python_files(str(file), in_file=True), *others}
+        top = Path(os.path.commonpath([path.parent for path in modules]))
+        for path in modules:
+            write_bytes(folder / PLUGINS / name / path.relative_to(top), path.read_bytes())
+        plugins[f"{PLUGINS}/{name}/{file.relative_to(top).as_posix()}"] = file_code(file, others)
     about = environment(command, [Path.cwd(), *(file.parent for file in files.values())]) | {"plugins": plugins}
     write_environment(folder, stage, about)
 

@@ -1,5 +1,6 @@
-"""Search for finished weights of a recipe, trained with the same code and data, or with earlier code."""
+"""Search for finished weights and results of a recipe, with the same code and data, or with earlier code."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +8,11 @@ from typing import Any
 
 from pcsr.errors import UserError
 from pcsr.network.card import changed
-from pcsr.plugins.registry import Registry
+from pcsr.plugins.code import own_code
+from pcsr.plugins.registry import FIRST_PARTY, Registry
 from pcsr.recipe import Recipe
+from pcsr.recipe.pretrained import check_weights
+from pcsr.run_files import FinishedRun, read_run
 from pcsr.weights import WEIGHTS, names, shipped
 from pcsr.weights.file import read_card
 
@@ -76,6 +80,38 @@ def of_other_code(recipe: Recipe, data: str, runs: Path, registry: Registry) -> 
         if parts and (card.get("data_fingerprint") == data or any(key.startswith("data.") for key in parts)):
             return EarlierWeights(path, " and ".join(parts.values()), "settings_fingerprint" in card)
     return None
+
+
+def finished_results(recipe: Recipe, registry: Registry, data: str, runs: Path, folder: Path) -> FinishedRun | None:
+    """Read the results of a run folder if they are of exactly this recipe, its data, its weights and the code of pcsr.
+
+    Args:
+        recipe: recipe to run.
+        registry: installed parts.
+        data: fingerprint of its data.
+        runs: folder of the run folders.
+        folder: run folder of the recipe.
+
+    Returns:
+        The finished run; None if there is none, or if metrics or baselines are third-party parts, whose code results
+        do not record.
+    """
+    parts = [("metric", name) for name in recipe.evaluate.metrics] + [
+        ("baseline", name) for name in recipe.evaluate.baselines
+    ]
+    if any(registry.entries[part].owner != FIRST_PARTY for part in parts if part in registry.entries):
+        return None
+    named = check_weights(recipe, registry)
+    found = of_recipe(recipe, data, runs, folder) if named is None else (named.path, "")
+    try:
+        done = read_run(folder)
+        weights = None if found is None else read_card(found[0]).get("sha256")
+    except UserError:
+        return None
+    results = done.results
+    measured = (results.recipe, results.data.fingerprint, results.training.weights, results.code)
+    wanted = (json.loads(json.dumps(recipe.resolved())), data, weights, own_code())
+    return done if weights is not None and measured == wanted else None
 
 
 def _cards(paths: list[Path]) -> Iterator[tuple[Path, dict[str, Any]]]:

@@ -29,7 +29,7 @@ class JsonLines(Logger):
             try:
                 if json.loads(line)["step"] <= step:
                     kept.append(line + "\n")
-            except ValueError:
+            except (ValueError, KeyError, TypeError, RecursionError):
                 break
         write_text(self.path, "".join(kept))
 

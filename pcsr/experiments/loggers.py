@@ -12,6 +12,8 @@ from pcsr.plugins.guard import guarded
 from pcsr.plugins.registry import Registry, described
 from pcsr.recipe import PartSpec, Recipe
 
+END = "at its end"
+
 
 @dataclass(eq=False)
 class _Entry:
@@ -41,19 +43,14 @@ class Loggers:
         Warns:
             PcsrWarning: a logger raised an error.
         """
-
-        def start(entry: _Entry) -> None:
-            with guarded(f"logger '{entry.name}'"):
-                entry.logger.start(folder, recipe.resolved(), step)
-
-        self._call_each(start, "at its start")
+        self._call_each(lambda entry: entry.logger.start(folder, recipe.resolved(), step), "at its start")
         self.entries = [entry for entry in self.entries if not entry.failed]
         completed = False
         try:
             yield
             completed = True
         finally:
-            self._call_each(lambda entry: entry.logger.finish(completed), "at its end")
+            self._call_each(lambda entry: entry.logger.finish(completed), END)
 
     def log(self, step: int, values: Mapping[str, int | float]) -> None:
         """Log values after a step.
@@ -66,9 +63,12 @@ class Loggers:
     def _call_each(self, call: Callable[[_Entry], None], when: str) -> None:
         for entry in self.entries:
             try:
-                call(entry)
+                with guarded(f"logger '{entry.name}'"):
+                    call(entry)
             except (Exception, SystemExit) as error:
                 if not entry.failed:
-                    text = f"logger '{entry.name}' failed {when}: {described(error)}; training goes on"
-                    warnings.warn(f"{text}, and further errors of this logger are not shown", PcsrWarning, stacklevel=4)
+                    text = f"logger '{entry.name}' failed {when}: {described(error)}"
+                    if when != END:
+                        text += "; training goes on, and further errors of this logger are not shown"
+                    warnings.warn(text, PcsrWarning, stacklevel=4)
                 entry.failed = True

@@ -176,7 +176,13 @@ class Recorder:
     def summary(self) -> dict[str, Any]:
         """Return what results say of the training up to here: fields of `pcsr.results.Training`."""
         best = {"best_step": self.stopping.step} if self.stopping is not None else {}
-        about = {"seconds": self.seconds, "steps": self.step, "threads": self.threads, "validation": self.validation}
+        about = {
+            "seconds": self.seconds,
+            "steps": self.step,
+            "epochs": self.step / self.per_epoch,
+            "threads": self.threads,
+            "validation": self.validation,
+        }
         return {**about, **best, "device": f"{self.fabric.world_size} x {self.fabric.device.type}"}
 
     def save(self, every: float = 0.0) -> None:

@@ -3,7 +3,9 @@
 import datetime
 import functools
 import os
+import warnings
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,15 +19,17 @@ from pcsr.contracts import Metric
 from pcsr.data.dataset import Split
 from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
-from pcsr.errors import UserError
+from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.environment import record
 from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
+from pcsr.experiments.finished_runs import finished_results
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import initial
 from pcsr.experiments.trained_network import trained
 from pcsr.extras import imported
 from pcsr.metrics import METRICS
 from pcsr.metrics.emd import EXACT
+from pcsr.plugins.code import own_code
 from pcsr.plugins.registry import Registry
 from pcsr.progress import progress_bars
 from pcsr.recipe import Recipe
@@ -70,10 +74,11 @@ def check_graft(recipe: Recipe, registry: Registry) -> None:
 
 
 def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Console) -> FinishedRun | None:
-    """Train a recipe's network, unless finished weights exist, and evaluate it.
+    """Train a recipe's network, unless finished weights exist, and evaluate it, unless finished results exist.
 
     Training is skipped if the recipe names weights, or if the run folder, another run folder or the shipped weights
-    hold finished weights of exactly this recipe, its data and the code of its parts.
+    hold finished weights of exactly this recipe, its data and the code of its parts. Evaluation is skipped if the run
+    folder holds results of exactly this recipe, its data, these weights and the present code of pcsr.
 
     Args:
         recipe: recipe to run.
@@ -92,6 +97,15 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
     fabric = _fabric(recipe, options)
     fingerprint, data = data_of(recipe, registry, options.runs, options.data, options.jobs)
     data = functools.cache(data)
+    if not (options.retrain or options.reevaluate):
+        done = finished_results(recipe, registry, fingerprint, options.runs, folder)
+        if done is not None:
+            if not fabric.is_global_zero:
+                return None
+            text = f"finished: {folder}, measured {done.results.created}; --reevaluate measures again"
+            console.print(text, markup=False, soft_wrap=True, highlight=False)
+            report.write_page(done)
+            return done
     with progress_bars(console, hidden=not fabric.is_global_zero) as progress:
         network, source = trained(recipe, registry, fingerprint, data, fabric, options, progress)
         if not fabric.is_global_zero:
@@ -107,10 +121,24 @@ def run(recipe: Recipe, registry: Registry, options: RunOptions, console: Consol
             recipe, registry, compared, test, jobs=options.jobs, advance=lambda: progress.advance(task)
         )
     results = results_of(recipe, test, evaluation, source, metrics_of(recipe, registry))
-    finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), read_history(folder / HISTORY))
+    finished = FinishedRun(folder, results, examples_of(recipe, test, evaluation), _history(folder))
     write_run(finished)
     report.write_page(finished)
     return finished
+
+
+def _history(folder: Path) -> list[dict[str, Any]] | None:
+    """Read the history of a training. A damaged one costs its chart, but not the evaluation.
+
+    Warns:
+        PcsrWarning: the history is damaged.
+    """
+    try:
+        return read_history(folder / HISTORY)
+    except UserError as error:
+        text = str(error).partition(";")[0]  # the run has just been done again
+        warnings.warn(f"{text}: the report lacks the training; --retrain makes it again", PcsrWarning, stacklevel=2)
+        return None
 
 
 def results_of(
@@ -167,6 +195,7 @@ def results_of(
         training=validated(Training, training, "the card of the weights: training", "train the weights again"),
         protocol=evaluation.protocol,
         timing="median",
+        code=own_code(),
         hardware={
             "cores": os.cpu_count(),
             "threads": evaluation.threads[0],

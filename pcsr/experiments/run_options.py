@@ -27,6 +27,8 @@ class RunOptions:
     """Whether weights that were trained before the code of a part changed are evaluated, instead of training again."""
     retrain: bool = False
     """Whether the network is trained although finished weights exist. They are replaced when training is finished."""
+    reevaluate: bool = False
+    """Whether the network is evaluated although finished results exist."""
     command: str | None = None
     """Command line, for the record in the run folder."""
 

@@ -27,6 +27,7 @@ from pcsr.grafting.grafted_network import GraftedNetwork
 from pcsr.network.build import build
 from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import Registry
+from pcsr.random_state import seeded
 from pcsr.recipe import Recipe
 from pcsr.recipe.schema import GraftedModel
 from pcsr.recipe.train_section import Weights
@@ -124,7 +125,9 @@ def train(
         for batch in prepared(batches, steps, ahead, fabric.global_rank, fabric.world_size):
             rate = learning_rate(recipe.train, recorder.step, batches.per_epoch)
             set_learning_rate(optimizer, rate)
-            losses, norm = _step(wrapped, optimizer, fabric, batch, recipe)
+            # What a network draws, as in dropout, depends on seed, step and process alone: a resumed training is equal.
+            with seeded([recipe.seed, recorder.step, fabric.global_rank], fabric.device):
+                losses, norm = _step(wrapped, optimizer, fabric, batch, recipe)
             progress = recorder.add(losses, {"learning_rate": rate, **norm})
             if fabric.is_global_zero:
                 shown(progress)
@@ -160,8 +163,7 @@ def _batches(recipe: Recipe, data: Split, processes: int) -> Batches:
 def _model(recipe: Recipe, registry: Registry) -> _Training:
     """Build network and objective, with initial weights determined by the recipe's seed."""
     network = initial(recipe, registry)
-    with torch.random.fork_rng(devices=[]):  # an objective may have random initial weights
-        torch.manual_seed(recipe.seed)
+    with seeded([recipe.seed]):  # an objective may have random initial weights
         return _Training(network, recipe.train.objective.build(registry, "objective"))
 
 

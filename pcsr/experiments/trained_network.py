@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import Progress
 
 import pcsr
+from pcsr.counted import counted
 from pcsr.data.built import BuiltData
 from pcsr.data.loading import LOADERS
 from pcsr.data.source import Data
@@ -28,6 +29,7 @@ from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
 from pcsr.run_files import CHECKPOINT, ENVIRONMENT, read_environment, snapshot_file
 from pcsr.weights import WEIGHTS
+from pcsr.weights.file import read_card
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -94,7 +96,7 @@ def trained(
             progress.console.print(f"{earlier}: {remedy}", markup=False, soft_wrap=True)
         why = "--retrain" if options.retrain else "no weights of exactly this recipe yet"
         step = checkpoint_step(training_folder, fingerprint)
-        epochs = f"{recipe.train.epochs} epochs"
+        epochs = counted(recipe.train.epochs, "epoch")
         doing = f"training goes on after step {step}, {epochs} in all" if step else f"training, {epochs}"
         progress.console.print(f"{why}: {doing}")
     card = _card(recipe, fingerprint, options)
@@ -124,6 +126,7 @@ def trained(
         text = f"training ended after step {training['steps']}; the weights kept are those of step"
         progress.console.print(f"{text} {training['best_step']}, with the lowest validation error")
     save(folder / WEIGHTS, network, training)
+    training["weights"] = read_card(folder / WEIGHTS)["sha256"]
     if options.retrain:
         write_environment(folder, "training", read_environment(training_folder)["training"])
         (training_folder / ENVIRONMENT).unlink()
@@ -192,4 +195,5 @@ def _loaded(path: Path, source: str, registry: Registry, progress: Progress) -> 
     differs = other_code(recipe, card, registry)
     marked = {} if differs is None else {"other_code": f"{path} was {differs}"}
     training = card.get("training")
-    return network, {**(training if isinstance(training, dict) else {}), "source": source, **marked}
+    about = training if isinstance(training, dict) else {}
+    return network, {**about, "source": source, "weights": card.get("sha256"), **marked}

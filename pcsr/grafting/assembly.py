@@ -12,9 +12,10 @@ from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.observation import tensor_like
 from pcsr.grafting.parts import build_parts, try_parts
 from pcsr.grafting.probe import Question, probe_layer
-from pcsr.plugins.loading import check_loaded, load_plugins
+from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.graft_section import Layout, PointsLayout
+from pcsr.validation_messages import shown
 
 SomeGrafted = TypeVar("SomeGrafted", bound=Grafted)
 
@@ -67,9 +68,13 @@ def graft(
         >>> grafted(points, touches=touches).shape
         torch.Size([1, 32, 3])
     """
+    if not isinstance(network, nn.Module):
+        raise UserError(f"the network is {shown(network)}: give a torch.nn.Module, an instance of its class")
+    if not isinstance(at, str):
+        raise UserError(f"at={shown(at)}: give the dotted name of a layer, as in network.named_modules()")
     stated, of_points = _stated("layout", layout, Layout), _stated("points_layout", points_layout, PointsLayout)
     if registry is None:
-        registry = load_plugins(Path(file) for file in plugins)
+        registry = load_plugins(plugin_paths(plugins))
         check_loaded(registry)
     question = Question(at, stated, points, tuple(arguments), dict(keywords or {}))
     injection_point, calling = probe_layer(network, question, probe, of_points)

@@ -40,6 +40,7 @@ def point_of(card: Any) -> InjectionPoint:
     layouts = point.layout in get_args(Layout) and point.points_layout in get_args(PointsLayout)
     numbers = (point.width, point.channels, point.multiple)
     counted = all(isinstance(number, int) and 0 < number <= WIDEST for number in numbers)
+    counted = counted and point.smallest_batch in (1, 2)
     copies = point.order is None or point.order in get_args(Order)
     if not (words and layouts and counted and copies and _is_valid(point.seen)):
         raise ValueError("its injection point is none")

@@ -75,7 +75,7 @@ def foreign_network(graft: Graft, registry: Registry) -> nn.Module:
             network = made_by(**graft.options)
     except PcsrError:
         raise
-    except Exception as error:  # foreign code may raise any error
+    except (Exception, SystemExit) as error:  # foreign code may raise any error
         text = f"{type(error).__name__}: {one_line(error)}"
         if "cuda" in text.lower() and not torch.cuda.is_available():
             text += ". It needs a CUDA device, and there is none here"

@@ -15,9 +15,9 @@ from pcsr.contracts import Encoder, Fusion, TouchBatch
 from pcsr.errors import UserError
 from pcsr.geometry.checks import check_frame
 from pcsr.grafting.calling import Calling
+from pcsr.grafting.fuse import fuse
 from pcsr.grafting.injection_point import InjectionPoint, check_output, from_bnc, to_bnc, visual_points
 from pcsr.grafting.layer_points import LayerPoints
-from pcsr.network.network import fuse
 from pcsr.tensors import Points
 
 MOST_DISTANCE = 5.0
@@ -182,12 +182,16 @@ def _check_touches(points: Points, touches: Tensor, mask: Tensor | None) -> None
 
 
 def _check_frame(points: Points, touches: TouchBatch) -> None:
-    """Refuse rows whose touches are all far away or not finite: they are in another unit or frame than the points."""
+    """Refuse touches that are not finite, and rows whose touches are all far away: in another unit or frame."""
+    finite = touches.points.isfinite().flatten(2).all(2) | ~touches.mask
+    for row, whole in enumerate(finite.all(1).tolist()):
+        if not whole:
+            raise UserError(f"row {row} of the batch: a touch has coordinates that are not finite: mask it")
     cloud = points.detach().float()
     centre = cloud.mean(1, keepdim=True)
     radius = (cloud - centre).norm(dim=-1).amax(1)
     distance = (touches.points.detach().float().mean(2) - centre).norm(dim=-1)  # (b a)
-    nearest = distance.nan_to_num(torch.inf).masked_fill(~touches.mask, torch.inf).amin(1)
+    nearest = distance.masked_fill(~touches.mask, torch.inf).amin(1)
     for row, (away, reach, touched) in enumerate(torch.stack([nearest, radius, touches.mask.any(1)], 1).tolist()):
         if touched:
             check_frame(

@@ -1,5 +1,6 @@
 """A grafted network with the interface of pcsr's own networks, so that it is trained, measured and used like them."""
 
+from contextlib import nullcontext
 from typing import Any
 
 import torch
@@ -11,6 +12,7 @@ from pcsr.grafting.calling import dense_clouds
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.injection_point import with_points
 from pcsr.grafting.observation import one_line
+from pcsr.random_state import seeded
 from pcsr.tensors import Dense, Points
 
 UPSAMPLER = Upsampler()
@@ -24,8 +26,8 @@ class GraftedNetwork(Grafted):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        # A network that is never trained needs no gradients of its weights.
-        self.network.requires_grad_(not self.frozen)
+        if self.frozen:  # a network that is never trained needs no gradients of its weights
+            self.network.requires_grad_(False)
 
     def forward(  # type: ignore[override]  # its host calls it with clouds, not with the network's arguments
         self, points: Points, rate: int, touches: TouchBatch | None = None
@@ -47,18 +49,28 @@ class GraftedNetwork(Grafted):
 
     def stages(self, points: Points, rate: int, touches: TouchBatch | None = None) -> list[Dense]:
         """Upsample, and return the intermediate clouds among the network's outputs too: the result last."""
+        if self.injection_point.smallest_batch > 1 and len(points) == 1:
+            return [cloud[:1] for cloud in self.stages(points.repeat(2, 1, 1), rate, _copied(touches, 2))]
+        if torch.is_inference_mode_enabled():
+            # Networks that follow a gradient at inference, as that of a distance, enable it. Inference mode forbids it.
+            with torch.inference_mode(False), torch.no_grad():
+                return self.stages(points.clone(), rate, _copied(touches))
         cloud = points.clone() if self.injection_point.points_layout == "bnc" else points.transpose(1, 2).contiguous()
         calling = self.calling
         arguments, keywords = ((), {}) if calling is None else (calling.arguments, calling.keywords)
         args, kwargs = with_points(self.injection_point.points, cloud, arguments, keywords)
         touched = {} if touches is None else {"touches": touches.points, "mask": touches.mask}
         name = type(self.network).__name__
+        exporting = torch.compiler.is_exporting()
+        # Some networks sample their points from a random one on. In training the states are seeded for each step.
+        fixed = nullcontext() if self.training or exporting else seeded([0], cloud.device)
         try:
-            result = super().forward(*args, **touched, **kwargs)
+            with fixed:
+                result = super().forward(*args, **touched, **kwargs)
         except PcsrError:
             raise
-        except Exception as error:  # foreign code may raise any error
-            if torch.compiler.is_exporting():  # whose own errors are part of its way of working
+        except (Exception, SystemExit) as error:  # foreign code may raise any error
+            if exporting:  # whose own errors are part of its way of working
                 raise
             text = f"{type(error).__name__}: {one_line(error)}"
             raise UserError(f"{name} fails on points of {tuple(cloud.shape)}: {text}") from error
@@ -83,3 +95,10 @@ class GraftedNetwork(Grafted):
     def parameter_count(self) -> int:
         """Number of weights."""
         return sum(p.numel() for p in self.parameters())
+
+
+def _copied(touches: TouchBatch | None, times: int = 1) -> TouchBatch | None:
+    """Copy the touches of a batch, `times` one after another."""
+    if touches is None:
+        return None
+    return TouchBatch.of(touches.points.repeat(times, 1, 1, 1), touches.mask.repeat(times, 1))

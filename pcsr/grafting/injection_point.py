@@ -55,6 +55,8 @@ class InjectionPoint:
     (0 1 … 0 1 …)."""
     seen: SeenPoints | None = None
     """The points of the layer, where the network computes k·n of them ahead of it."""
+    smallest_batch: int = 1
+    """Smallest number of clouds in a batch: 2 for networks that fail on one, as those do that squeeze its axis away."""
 
 
 def visual_points(point: InjectionPoint, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Float[Tensor, "b n 3"]:

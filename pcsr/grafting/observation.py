@@ -81,7 +81,7 @@ def observe(network: nn.Module, at: str | None, args: Sequence[Any], kwargs: Map
                 ]
         with quiet(network, tensor_like(network).device):
             seen.result = network(*args, **kwargs)
-    except Exception as error:  # foreign code may raise any error
+    except (Exception, SystemExit) as error:  # foreign code may raise any error
         text = f"{type(error).__name__}: {one_line(error)}".rstrip(".: ")
         if "cuda" in text.lower() and not torch.cuda.is_available():
             text += ". It needs a CUDA device, and there is none here"

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from pcsr.contracts import Encoder, Fusion, TouchBatch, Widths
 from pcsr.errors import UserError
+from pcsr.grafting.fuse import fuse
 from pcsr.grafting.grafted import Grafted
 from pcsr.grafting.observation import one_line, quiet
-from pcsr.network.network import fuse
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.schema import options_model
 from pcsr.recipe.section import PartSpec

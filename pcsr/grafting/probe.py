@@ -1,7 +1,7 @@
 """Test runs of a foreign network, which find out how it is called, and what one of its layers gives."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -121,7 +121,27 @@ def _probed(
         point = find_points(point, cloud, passes, lambda order: run(cloud.index_select(axis, order)))
     check_output(point, passes[0].features, cloud if axis == 1 else cloud.transpose(1, 2))
     rate = dense_rate(passes[0].result, rows, counts[0])
+    others = (*question.arguments, *question.keywords.values())
+    if rate is not None and not any(isinstance(one, Tensor) for one in others):  # which may have an axis of clouds
+        alone = _takes_one_cloud(lambda: run(cloud[:1]), point.at, shapes[0][1:], (counts[0], rate))
+        point = replace(point, smallest_batch=1 if alone else 2)
     return point, Calling(counts[0], rate, tuple(question.arguments), dict(question.keywords))
+
+
+def _takes_one_cloud(run: Callable[[], Observation], at: str, shape: Shape, sizes: tuple[int, int]) -> bool:
+    """Return whether the network gives the features and the dense cloud of a batch of one cloud.
+
+    Args:
+        run: runs the network on one cloud.
+        at: the layer.
+        shape: shape of the layer's output, without the axis of clouds.
+        sizes: number of points of the cloud, and the rate.
+    """
+    try:
+        alone = run()
+    except NotRunError:
+        return False
+    return alone.outputs[at] == [(1, *shape)] and dense_rate(alone.result, 1, sizes[0]) == sizes[1]
 
 
 def _clouds(probe: Probe, layout: PointsLayout | None, like: Tensor) -> Iterator[tuple[Tensor, PointsLayout]]:

@@ -20,7 +20,7 @@ from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics import METRICS, NamedMetric
 from pcsr.metrics.emd import check_sizes
 from pcsr.metrics.units import warn_of_units
-from pcsr.plugins.loading import load_plugins, warn_of_failures
+from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.tensors import Mesh
 from pcsr.threads import threads
 from pcsr.validation_messages import shown
@@ -119,8 +119,8 @@ def named(names: Sequence[str], plugins: Sequence[str | Path] = ()) -> dict[str,
     """
     if not plugins and set(names) <= METRICS.keys():
         return {name: METRICS[name] for name in names}
-    registry = load_plugins([Path(file) for file in plugins])
-    warn_of_failures(registry)
+    registry = load_plugins(plugin_paths(plugins))
+    check_loaded(registry)
     return {name: registry.get("metric", name)() for name in names}
 
 

@@ -1,7 +1,5 @@
 """Builder of networks: a recipe's network with initial weights."""
 
-import torch
-
 from pcsr.contracts import Widths
 from pcsr.errors import UserError
 from pcsr.grafting.from_recipe import build_graft
@@ -9,6 +7,7 @@ from pcsr.grafting.injection_point import InjectionPoint
 from pcsr.network.kinds import AnyNetwork
 from pcsr.network.network import Network
 from pcsr.plugins.registry import Registry
+from pcsr.random_state import seeded
 from pcsr.recipe import Recipe
 from pcsr.recipe.schema import GraftedModel
 
@@ -16,7 +15,7 @@ from pcsr.recipe.schema import GraftedModel
 def build(recipe: Recipe, registry: Registry, point: InjectionPoint | None = None) -> AnyNetwork:
     """Build the network of a recipe, with initial weights determined by the recipe's seed.
 
-    The random state of torch is not changed.
+    The random states of torch, numpy and Python are not changed.
 
     Args:
         recipe: recipe of the network.
@@ -28,12 +27,9 @@ def build(recipe: Recipe, registry: Registry, point: InjectionPoint | None = Non
             foreign network cannot be built, run or grafted.
     """
     parts = recipe.model
-    if isinstance(parts, GraftedModel):
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(recipe.seed)
+    with seeded([recipe.seed]):
+        if isinstance(parts, GraftedModel):
             return build_graft(recipe, parts.graft, registry, point)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(recipe.seed)
         encoder = parts.encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))
         touch_encoder = (
             parts.touch_encoder.build(registry, "encoder", Widths(rate=recipe.network_rate))

@@ -13,6 +13,7 @@ from pcsr.recipe import MODEL, Recipe
 from pcsr.recipe.part_keys import NETWORK, NETWORK_KEYS, PARTS, owner_of
 from pcsr.recipe.schema import GraftedModel
 from pcsr.recipe.source import Keys
+from pcsr.run_files import PLUGINS
 from pcsr.version import __version__
 from pcsr.weights.fit import RETRAIN
 
@@ -68,15 +69,24 @@ def check_parts(path: Path, card: Mapping[str, Any], registry: Registry) -> None
     """
     known = {(part["kind"], part["name"]): part for part in _parts(card)}
     missing = [part for part in _used(card["recipe"], MODEL) if part not in registry.entries]
-    needed = [_needed(*part, known.get(part), registry) for part in missing]
+    needed = []
+    for part in missing:
+        owner = known.get(part, {}).get("owner", "")
+        needed.append(_needed(*part, known.get(part), registry) + _copy(path, owner))
     network = (owner_of(card["recipe"], NETWORK_KEYS) or {}).get("network")
     if isinstance(network, str) and NETWORK.fullmatch(network):
         try:
             find_network(registry, network)
         except UserError as error:
-            needed.append(str(error))
+            needed.append(str(error) + _copy(path, network.partition(":")[0]))
     if needed:
         raise UserError(f"the weights {path} need {'; and '.join(needed)}")
+
+
+def _copy(path: Path, file: str) -> str:
+    """Name the copy of a plugin file in the run folder of weights; empty if there is none."""
+    copies = sorted(one for one in (path.parent / PLUGINS).rglob("*.py") if one.name == file)
+    return f", of which the run has a copy, {copies[0]}" if copies else ""
 
 
 def _needed(kind: str, name: str, part: Mapping[str, str] | None, registry: Registry) -> str:

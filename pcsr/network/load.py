@@ -15,12 +15,14 @@ from pcsr.network.build import build
 from pcsr.network.card import check_parts, mismatch_remedy, other_code
 from pcsr.network.kinds import AnyNetwork
 from pcsr.network.outline import bounded, outline
-from pcsr.network.save import tensors_hash
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe, check_card
 from pcsr.recipe.schema import GraftedModel
-from pcsr.weights.file import NONSENSE, read_card, read_file, read_shapes
+from pcsr.weights.file import NONSENSE, read_card, read_file, read_shapes, tensors_hash
 from pcsr.weights.fit import check_fit, fill
+
+SAVE_AGAIN = "Save the graft again, and give save_graft the options of the network's class, or the builder"
+"""Remedy for a graft whose network cannot be built."""
 
 
 def load_weights(path: Path, registry: Registry) -> tuple[AnyNetwork, Recipe, dict[str, Any]]:
@@ -46,7 +48,8 @@ def load_weights(path: Path, registry: Registry) -> tuple[AnyNetwork, Recipe, di
             remedy = "load the graft onto its network with pcsr.grafting.load_graft"
         raise UserError(f"{path} holds no recipe, so its network is unknown: {remedy}")
     check_parts(path, card, registry)
-    remedy = mismatch_remedy(card, registry)
+    saved = "graft" in card and "fingerprint" not in card  # by `save_graft`
+    remedy = SAVE_AGAIN if saved else mismatch_remedy(card, registry)
     checked = _checked(path, recipe, registry, remedy)
     origin = other_code(checked, card, registry)
     if origin:

@@ -1,8 +1,6 @@
 """Writer of weights files: safetensors files with a card in the header."""
 
-import hashlib
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from pcsr.errors import UserError
 from pcsr.files import save_tensors
 from pcsr.network.card import foreign_parts
 from pcsr.plugins.registry import Registry
+from pcsr.weights.file import tensors_hash
 
 
 def save_weights(
@@ -51,12 +50,3 @@ def _halved(name: str, tensor: Tensor) -> Tensor:
             f"{torch.finfo(torch.half).max:.0f}: store them in single precision"
         )
     return halved
-
-
-def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
-    """Return the SHA-256 hash of the names, types, shapes and bytes of tensors, in the order of their names."""
-    digest = hashlib.sha256()
-    for name, tensor in sorted(tensors.items()):
-        digest.update(json.dumps([name, str(tensor.dtype), list(tensor.shape)]).encode() + b"\n")
-        digest.update(tensor.detach().cpu().reshape(-1).contiguous().view(torch.uint8).numpy().tobytes())
-    return digest.hexdigest()

@@ -4,8 +4,9 @@ import hashlib
 import importlib.util
 import os
 from collections.abc import Iterable, Iterator
+from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, distribution
-from modulefinder import ModuleFinder
+from modulefinder import Module, ModuleFinder
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ GROUP = "pcsr"
 """Entry-point group of plugins."""
 ABOVE = 3
 """Number of folders above a file in which the modules that it imports are searched."""
+PACKAGE = 5
+"""Kind of a package in `modulefinder`."""
 LARGEST = 1 << 24
 """Greatest size of a plugin file in bytes; a larger one is not read."""
 
@@ -62,6 +65,17 @@ def distribution_code(name: str) -> str | None:
     return _hash(files, f"{name} {found.version}")
 
 
+def own_code() -> str:
+    """Hash the Python files of pcsr and of the parts that come with it.
+
+    Examples:
+        >>> own_code() == own_code()
+        True
+    """
+    files = (pair for package in EXCLUDED for pair in _files(package))
+    return _hash((name, path) for name, path in files if path.suffix == ".py")
+
+
 def python_files(owner: str, *, in_file: bool) -> list[Path]:
     """List the Python files of a plugin.
 
@@ -97,7 +111,7 @@ def folder_of(module: str, file: Path) -> Path | None:
 
 def _local_modules(file: Path) -> list[Path]:
     """List the file and the modules of its folder that it imports, directly or indirectly."""
-    finder = ModuleFinder(path=[str(file.parent)], excludes=list(EXCLUDED))
+    finder = _Finder(path=[str(file.parent)], excludes=list(EXCLUDED))
     try:
         finder.run_script(str(file))
     except Exception:  # a module that cannot be parsed, which the file may import conditionally
@@ -105,6 +119,25 @@ def _local_modules(file: Path) -> list[Path]:
     # A package without an `__init__.py` has no file.
     found = {Path(named) for module in finder.modules.values() if (named := getattr(module, "__file__", None))}
     return [path for path in {one.resolve() for one in found} | {file} if path.is_relative_to(file.parent)]
+
+
+class _Finder(ModuleFinder):
+    """Finder that follows packages without an `__init__.py` too, as many repositories have them."""
+
+    def find_module(self, name: str, path: Any, parent: Module | None = None) -> Any:
+        """Return file, path and kind of a module; the path of a package is its folder."""
+        PathFinder.invalidate_caches()
+        spec = None if name in self.excludes else PathFinder.find_spec(name, path or self.path)
+        if spec is not None and spec.origin is None and spec.submodule_search_locations:
+            return None, next(iter(spec.submodule_search_locations)), ("", "", PACKAGE)
+        return super().find_module(name, path, parent)
+
+    def load_package(self, fqname: str, pathname: str) -> Module:
+        """Return a package; that without an `__init__.py` has no file."""
+        if (Path(pathname) / "__init__.py").is_file():
+            return super().load_package(fqname, pathname)
+        package = self.modules[fqname] = Module(fqname, None, [pathname])  # type: ignore[arg-type]  # typeshed says str
+        return package
 
 
 def _packages(found: Any) -> set[str]:

@@ -4,8 +4,7 @@ pluggy's own entry-point loader is not used, since it stops at the first plugin 
 """
 
 import os
-import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import pluggy
 
-from pcsr.errors import PcsrError, PcsrWarning, UserError, did_you_mean
+from pcsr.errors import PcsrError, UserError, did_you_mean
 from pcsr.plugins import hookspecs, renamed
 from pcsr.plugins.code import GROUP, python_files
 from pcsr.plugins.file_import import import_file
@@ -51,6 +50,17 @@ def load_plugins(files: Iterable[Path] = (), *, files_win: bool = False) -> Regi
     return registry
 
 
+def plugin_paths(plugins: Sequence[str | Path]) -> tuple[Path, ...]:
+    """Return the paths of the plugin files that a function of the library was given.
+
+    Raises:
+        UserError: a text in place of a list, whose letters would be taken for files.
+    """
+    if isinstance(plugins, str | Path):
+        raise UserError(f"plugins={str(plugins)!r} is one file: give a list, plugins=[{str(plugins)!r}]")
+    return tuple(map(Path, plugins))
+
+
 def add_file(registry: Registry, path: Path) -> None:
     """Load a Python file with the class of a network into a registry, unless it is there already.
 
@@ -80,20 +90,6 @@ def _imported(registry: Registry, file: Path) -> object:
     return module
 
 
-def warn_of_failures(registry: Registry) -> None:
-    """Warn of each plugin file that failed to load.
-
-    Warns:
-        PcsrWarning: a file of `registry.files` failed to load.
-    """
-    named = {str(file) for file in registry.files}
-    for failure in registry.failures:
-        if failure.owner in named:
-            why = f"pcsr plugins --why {failure.owner} --plugin {failure.owner}"
-            message = f"--plugin {failure.owner} failed to load: {failure.message} ({why})"
-            warnings.warn(message, PcsrWarning, stacklevel=3)
-
-
 def check_loaded(registry: Registry) -> None:
     """Check that the plugin files were loaded.
 
@@ -103,7 +99,9 @@ def check_loaded(registry: Registry) -> None:
     named = {str(file) for file in registry.files}
     for failure in registry.failures:
         if failure.owner in named:
-            raise UserError(f"plugin {failure.owner} cannot be loaded: {failure.message}") from failure.error
+            where = f"pcsr plugins --why {failure.owner} --plugin {failure.owner}"
+            message = f"plugin {failure.owner} cannot be loaded: {failure.message} (where: {where})"
+            raise UserError(message) from failure.error
 
 
 def _name(distribution: Any) -> str:

@@ -31,7 +31,7 @@ def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., 
     named = [path for path in registry.modules if path.name == file]
     for path in named or registry.modules:
         found: Any = vars(registry.modules[path]).get(name)
-        if _makes_network(found):
+        if makes_network(found):
             return path, found
     if named and name in vars(registry.modules[named[0]]):
         raise UserError(
@@ -39,7 +39,7 @@ def find_network(registry: Registry, network: str) -> tuple[Path, Callable[..., 
             f"one: write `def {name}(…) -> torch.nn.Module:`"
         )
     if named:
-        known = [key for key, value in vars(registry.modules[named[0]]).items() if _makes_network(value)]
+        known = [key for key, value in vars(registry.modules[named[0]]).items() if makes_network(value)]
         raise UserError(f"{named[0]} has no network '{name}': {did_you_mean(name, known)}")
     raise UserError(
         f"the network '{name}' of the file {file}: hand in that file with --plugin (in Python: plugins=[…])"
@@ -54,10 +54,14 @@ def network_code(registry: Registry, network: str) -> str | None:
 
 def holds_networks(module: object) -> bool:
     """Return whether a module has the class of a network that is no part of pcsr, or a function that returns one."""
-    return any(_makes_network(value) for value in vars(module).values())
+    return any(makes_network(value) for value in vars(module).values())
 
 
-def _makes_network(value: Any) -> bool:
+def makes_network(value: Any) -> bool:
+    """Return whether a value is the class of a network, not of a part of pcsr, or a function that returns one.
+
+    A function must be annotated, so that it need not be called.
+    """
     if isinstance(value, type):
         return _is_network(value)
     try:

@@ -7,6 +7,10 @@ from pcsr.recipe.part_keys import NAMES, PART_LISTS
 from pcsr.recipe.schema import MOST_RAYS, MOST_TRUTH, GraftedModel, Patches, Recipe
 from pcsr.recipe.source import Mistake, Source
 from pcsr.recipe.train_section import Train
+from pcsr.results import BOUND
+
+TAKEN = ("input", "truth", "touches", BOUND)
+"""Names that results have for other things than the network, which is named as the recipe."""
 
 
 def contradictions(source: Source, recipe: Recipe, registry: Registry, *, trains: bool) -> list[Mistake]:
@@ -19,6 +23,9 @@ def contradictions(source: Source, recipe: Recipe, registry: Registry, *, trains
         trains: whether the recipe is trained.
     """
     found = []
+    if recipe.name in (*TAKEN, *recipe.evaluate.baselines):
+        text = f"name: '{recipe.name}' is the name of another cloud or row of the results: take another"
+        found.append(Mistake(source.location(("name",)), text))
     low, high = recipe.touch_range
     if low > high:
         text = f"train.touches: the minimum, {low}, is more than the maximum, {high}: swap them"

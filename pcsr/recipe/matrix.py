@@ -15,6 +15,8 @@ from pcsr.validation_messages import shown
 
 LONGEST_LABEL = 60
 """Greatest number of characters that a value of the matrix adds to the name of its run."""
+NOT_IN_LABELS = re.compile(r"(?:[^a-z0-9_-]|(?<![a-z0-9])-|-(?![a-z0-9]))+")
+"""What a full stop replaces in the label of a value: hyphens stay between letters and digits."""
 
 
 def add_axis(source: Source, axis: str, values: Sequence[Any]) -> None:
@@ -118,9 +120,9 @@ def _labels(axis: str, values: list[Any]) -> list[str]:
 
 
 def _label(axis: str, value: Any) -> str:
-    """Return the label of an axis and value, such as `touches.3` or `fusion.none`; a group's first value is used."""
+    """Return the label of an axis and value, such as `fusion.cross-attention`; a group's first value is used."""
     first = next(iter(value.values())) if _is_group(value) else value
     named = first.get("use", "") if isinstance(first, dict) else first
     text = named if isinstance(named, str) else shown(named)
     label = f"{axis.rpartition('.')[2]}.{text[:LONGEST_LABEL]}".lower()
-    return re.sub(r"[^a-z0-9]+", ".", label).strip(".")[:LONGEST_LABEL]
+    return NOT_IN_LABELS.sub(".", label)[:LONGEST_LABEL].strip(".-")

@@ -52,9 +52,10 @@ def _type(default: Any) -> Any:
 def optimizer_mistake(optimizer: PartSpec) -> str | None:
     """Return why torch refuses the options of an optimizer, such as a negative momentum; None if it does not."""
     weight = torch.zeros(1, requires_grad=True)
+    weight.grad = torch.ones(1)
     try:
-        OPTIMIZERS[optimizer.use]([weight], lr=1e-3, **optimizer.options)
-    except (TypeError, ValueError) as error:
+        OPTIMIZERS[optimizer.use]([weight], lr=1e-3, **optimizer.options).step()
+    except (TypeError, ValueError, RuntimeError, ArithmeticError) as error:  # some are refused by the first step alone
         text = str(error)
         return f"{optimizer.use} refuses its options: {text[:1].lower()}{text[1:]}: change them"
     return None

@@ -17,7 +17,7 @@ from pcsr.recipe.section import AS_TUPLE, FEW, PartSpec, Section
 from pcsr.recipe.train_section import Train, Weights
 from pcsr.weights import SHA256_IN_0_1
 
-NAME = r"^[a-z0-9][a-z0-9.-]{0,199}$"
+NAME = r"^[a-z0-9][a-z0-9._-]{0,199}$"
 """Pattern of a run's name. Run folders are named by it and the fingerprint, and folder names have 255 characters."""
 MOST_TRUTH = 1 << 20
 """Largest number of points of an object's truth. It takes a minute and 2 GB for each object."""
@@ -132,7 +132,7 @@ class Patches(Section):
 
 def _named(name: str) -> str:
     if not re.fullmatch(NAME, name):
-        raise ValueError("it must be up to 200 of a-z, 0-9, . and -, the first a letter or a digit")
+        raise ValueError("it must be up to 200 of a-z, 0-9, ., _ and -, the first a letter or a digit")
     return name
 
 

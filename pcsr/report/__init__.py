@@ -8,15 +8,16 @@ from pcsr.errors import UserError
 from pcsr.files import write_bytes, write_text
 from pcsr.report.run_set import run_set
 from pcsr.report.tables.comparison import Comparison, comparison
-from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.comparison_tables import paper_tables, tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.report.tables.run_table import few_steps, summary, table
 from pcsr.report.web.comparison_page import comparison_page
 from pcsr.report.web.document import plotly_source
 from pcsr.report.web.page import render
-from pcsr.run_files import FinishedRun
+from pcsr.run_files import REPORT, FinishedRun
 
 __all__ = [
+    "REPORT",
     "Comparison",
     "comparison",
     "few_steps",
@@ -28,8 +29,6 @@ __all__ = [
     "write_page",
     "write_tables",
 ]
-
-REPORT = "report.html"
 
 
 def write_page(run: FinishedRun, path: Path | None = None) -> Path:
@@ -67,7 +66,7 @@ def write_comparison(compared: Comparison, runs: Sequence[FinishedRun], folder: 
     """
     figures: dict[str, bytes] | str
     try:
-        figures = _figures(runs, "webp")
+        figures = _figures(runs, "webp", _first_seeds(compared, runs))
     except UserError as error:
         figures = str(error)
     path = folder / f"{compared.name}.html"
@@ -88,7 +87,7 @@ def write_tables(compared: Comparison, form: str, path: Path) -> None:
     """
     match form:
         case "latex":
-            text = latex(tables(compared), compared.name)
+            text = latex(paper_tables(compared), compared.name)
         case "markdown":
             text = markdown(tables(compared))
         case _:
@@ -116,8 +115,16 @@ def write_figures(runs: Sequence[FinishedRun], folder: Path) -> list[Path]:
     return list(files)
 
 
-def _figures(runs: Sequence[FinishedRun], form: Literal["png", "webp"]) -> dict[str, bytes]:
-    """Image files of the figures of runs, by name.
+def _first_seeds(compared: Comparison, runs: Sequence[FinishedRun]) -> list[FinishedRun]:
+    """The run of the lowest seed of each recipe."""
+    by_results = {id(run.results): run for run in runs}
+    return [by_results[id(row.runs[0])] for row in compared.rows if row.efficiencies is not None]
+
+
+def _figures(
+    runs: Sequence[FinishedRun], form: Literal["png", "webp"], pictured: Sequence[FinishedRun] | None = None
+) -> dict[str, bytes]:
+    """Image files of the figures of runs, by name; `pictured` are those whose clouds are drawn, by default all.
 
     Raises:
         UserError: the runs are not on the same clouds, or the extra `[report]` is not installed.
@@ -125,4 +132,5 @@ def _figures(runs: Sequence[FinishedRun], form: Literal["png", "webp"]) -> dict[
     from pcsr.report.figures.canvas import encoded
     from pcsr.report.figures.paper import figures
 
-    return {name: encoded(figure, form) for name, figure in figures(run_set(runs)).items()}
+    drawn = figures(run_set(runs), None if pictured is None else run_set(pictured))
+    return {name: encoded(figure, form) for name, figure in drawn.items()}

@@ -1,11 +1,13 @@
 """Reader of weights files: safetensors files with a card in the header. Nothing is unpickled."""
 
+import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
@@ -150,3 +152,12 @@ def _deeper(node: Any, depth: int) -> bool:
     """Return whether plain data are nested deeper than `depth`."""
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
     return depth < 0 or any(_deeper(one, depth - 1) for one in inner)
+
+
+def tensors_hash(tensors: Mapping[str, Tensor]) -> str:
+    """Return the SHA-256 hash of the names, types, shapes and bytes of tensors, in the order of their names."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        digest.update(json.dumps([name, str(tensor.dtype), list(tensor.shape)]).encode() + b"\n")
+        digest.update(tensor.detach().cpu().reshape(-1).contiguous().view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()

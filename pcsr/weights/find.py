@@ -9,6 +9,9 @@ from pcsr.extras import imported
 from pcsr.validation_messages import shown, shown_path
 from pcsr.weights import WEIGHTS, names, shipped
 
+RESULTS = "results.json"
+"""File of a run folder that was evaluated."""
+
 
 def find(
     use: str, folder: Path = Path(), *, paths_first: bool = False, hub: bool = False, others: Sequence[str] = ()
@@ -31,12 +34,7 @@ def find(
     if use in names() and not (paths_first and there):
         return shipped(use)
     if os.path.isdir(path):
-        if not os.path.isfile(path / WEIGHTS):
-            raise UserError(
-                f"{path} is a folder, not a weights file, and holds no {WEIGHTS}: name a file, or the folder of a "
-                f"finished run"
-            )
-        return path / WEIGHTS
+        return _of_folder(path)
     if there:
         return path
     if hub and use.count("/") == 1 and not path.suffix and not os.path.exists(path.parent):
@@ -44,6 +42,36 @@ def find(
     hint = did_you_mean(use, [*others, *names()])
     raise UserError(
         f"there are no weights {shown(use)}, neither shipped ones nor a file or run folder {shown_path(path)}: {hint}"
+    )
+
+
+def _of_folder(folder: Path) -> Path:
+    """Return the weights of a run folder.
+
+    Rows of a study that differ in the number of touches at evaluation are of one network. Its weights are in the folder
+    of the row that trained it.
+
+    Raises:
+        UserError: there are none.
+    """
+    if os.path.isfile(folder / WEIGHTS):
+        return folder / WEIGHTS
+    if os.path.isfile(folder / RESULTS):
+        from pcsr.results import read_results
+        from pcsr.weights.file import read_card  # imports torch
+
+        results = read_results(folder / RESULTS)
+        wanted = (results.fingerprint, results.data.fingerprint)
+        for path in sorted(folder.parent.glob(f"*-{results.fingerprint[:8]}/{WEIGHTS}")):
+            card = read_card(path)
+            if (card.get("fingerprint"), card.get("data_fingerprint")) == wanted:
+                return path
+        raise UserError(
+            f"{folder} holds no {WEIGHTS}, and {folder.parent} none of another run of its recipe: name a weights file"
+        )
+    raise UserError(
+        f"{folder} is a folder, not a weights file, and holds no {WEIGHTS}: name a file, or the folder of a finished "
+        f"run"
     )
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from pcsr.cli import pcsr
+from pcsr.cli import comparing, pcsr
 from pcsr.errors import RunError, UserError
+from pcsr.run_files import read_run
 from tests.small_run import put, unfinish
 
 SMOKE = str(Path(__file__).parents[2] / "pcsr/recipes" / "smoke.yaml")
@@ -45,11 +46,29 @@ def compare(tmp_path, monkeypatch):
     return lambda *arguments: CliRunner().invoke(pcsr, ["compare", *arguments, "--jobs", "1"])
 
 
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("raise RuntimeError('no')", "plugin mine.py cannot be loaded: RuntimeError: no"),
+        (
+            FRAIL.replace('"frail"', '"concat"'),
+            "fusion 'concat' is registered twice, by pcsr and by mine.py: rename one of them",
+        ),
+    ],
+)
+def test_a_plugin_that_cannot_be_loaded_ends_it(compare, code, said):
+    Path("mine.py").write_text(code)
+    done = compare(SMOKE, "--plugin", "mine.py", "--fusion", "iterative", "--fusion", "concat")
+    assert done.exit_code == UserError.exit_code
+    assert said in done.stderr
+    assert not Path("runs").exists()
+
+
 @pytest.mark.slow
 def test_two_fusions_and_two_seeds_become_one_table_and_one_page(compare, tmp_path):
     done = compare(SMOKE, *TINY, "--fusion", "concat", "--fusion", "iterative", "--seeds", "2", "--name", "mine")
     assert done.exit_code == 0, done.output
-    stages = ("building the train data", "building the validation data", "building the test data", "training, loss")
+    stages = ("train data", "validation data", "test data", "training, loss")
     for stage in (*stages, "evaluating"):
         assert [line.startswith(stage) for line in done.stderr.splitlines()].count(True) == 4, "one line each"
     summaries = re.findall(r"^(\S+): cd ×10³ [\d.]+ ± [\d.]+; report: runs/\S+/report.html$", done.stdout, re.M)
@@ -133,6 +152,18 @@ def test_finished_runs_become_one_table_and_files(compare, tmp_path):
     assert 'href="net-fusion.mine-seed.0-ab12/report.html"' in page
 
 
+def test_files_are_written_before_anything_is_printed(tmp_path, monkeypatch):
+    class Closed:
+        def print(self, *_, **__):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(comparing.streams, "console", Closed)
+    with pytest.raises(BrokenPipeError):
+        comparing.show([read_run(put(tmp_path / "a"))], [], "page", tmp_path, {"latex": tmp_path / "t.tex"})
+    assert (tmp_path / "t.tex").exists()
+    assert (tmp_path / "page.html").exists()
+
+
 def test_finished_runs_are_compared_with_recipes_that_are_run(compare, tmp_path):
     put(tmp_path / "old", points=64, rate=4, sampling="random")
     done = compare("old", SMOKE, *TINY, "--set=data.points=32")
@@ -175,6 +206,8 @@ def test_unfinished_and_damaged_runs_are_left_out_and_said(compare, tmp_path):
         (("a", "--fusion", "none"), "only run folders are named: name a recipe too"),
         (("a", "--seeds", "2"), "only run folders are named: name a recipe too"),
         (("page.html",), "no run folder or recipe is named"),
+        (("smoke", "--latex", "empty"), "empty is a folder, and would be replaced by a file"),
+        (("smoke", "--latex", "x", "--csv", "./x"), "--latex and --csv name the same file, x: name two"),
     ],
 )
 def test_mistakes_in_what_is_compared_are_named(compare, tmp_path, words, why):

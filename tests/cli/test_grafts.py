@@ -15,7 +15,7 @@ from pcsr.clouds.formats import read_points, write_points
 from pcsr.errors import UserError
 from pcsr.grafting import save_graft
 from pcsr.recorded import write
-from tests.foreign_networks import AT, FOLDER, network
+from tests.foreign_networks import AT, FOLDER, module, network
 
 TINY = [
     f"--set={setting}"
@@ -77,6 +77,25 @@ def test_a_graft_that_was_saved_is_a_model(run, tmp_path, name):
     assert model.recipe.data.points == 64
     assert all(torch.equal(a, b) for a, b in zip(model.network.parameters(), grafted.parameters(), strict=True))
     assert np.array_equal(model.upsample(read_points(Path("scan.ply"))), read_points(Path("dense.ply")))
+
+
+def test_a_function_may_build_the_network_of_a_graft(run, tmp_path):
+    """Its class needs a namespace, which no file can hold."""
+    theirs = module("kernel_upsampler")
+    grafted = pcsr.graft(theirs.network(dim=8), "encoder.fuse", probe=64)
+    arguments = ("upsample", "scan.ply", "-o", "dense.ply", "--model", "grafted.safetensors")
+    plugin = ("--plugin", "kernel_upsampler.py")
+    save_graft("grafted.safetensors", grafted, touches=(2, 32))
+    done = run(*arguments, *plugin)
+    assert done.exit_code == UserError.exit_code
+    assert "kernel_upsampler.py:KernelUpsampler cannot be called with {}" in done.output
+    assert "Save the graft again, and give save_graft the options of the network's class, or the builder" in done.output
+    save_graft("grafted.safetensors", grafted, options={"dim": 8}, touches=(2, 32), builder=theirs.network)
+    done = run(*arguments, *plugin)
+    assert done.exit_code == 0, done.output
+    assert len(read_points(Path("dense.ply"))) == 320
+    with pytest.raises(UserError, match=r"builder 'neighbours' is not annotated: write `def neighbours\(…\) -> torch"):
+        save_graft("grafted.safetensors", grafted, builder=theirs.neighbours)
 
 
 def test_without_its_file_a_model_is_refused_and_no_other_code_is_run(run, tmp_path):

@@ -144,6 +144,11 @@ def test_commands_of_plugins_are_listed_unloaded_and_loaded_when_called(invoke, 
             "pcsr: error: ValueError: no (run again with --traceback: pcsr --traceback …)\n",
         ),
         (
+            SystemExit(7),
+            1,
+            "pcsr: error: SystemExit: 7 (run again with --traceback: pcsr --traceback …)\n",
+        ),
+        (
             AssertionError(),
             1,
             "pcsr: error: AssertionError (run again with --traceback: pcsr --traceback …)\n",

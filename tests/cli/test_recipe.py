@@ -55,7 +55,7 @@ def test_check_goes_through_all_files_and_prints_all_mistakes(tmp_path):
         f"recipe {gone} cannot be read: No such file or directory",
     ]
     result = invoke("check", good, "--set", "matrix={seed: [1, 2]}")
-    assert (result.exit_code, result.stdout) == (0, f"{good}: good, 2 runs\n")
+    assert (result.exit_code, result.stdout) == (0, f"{good}: good, 2 runs:\n    1 good-seed.1\n    2 good-seed.2\n")
 
 
 def test_show_prints_a_recipe_that_means_the_same(tmp_path, registry):

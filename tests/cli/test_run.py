@@ -73,7 +73,7 @@ def test_a_network_is_trained_on_several_folders_and_says_so(call, data):
     assert card["data_fingerprint"] == written["data"]["fingerprint"]
     assert card["recipe"]["joined"] == [one["fingerprint"] for one in card["data"]]
     again = run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0], "--data", data[1])
-    assert "weights: this run folder" in again
+    assert "finished: runs/smoke-" in again
     run(call, ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0])
     assert len(list(Path("runs").glob("smoke-*/weights.safetensors"))) == 2, "one folder is other data than two"
 
@@ -84,7 +84,28 @@ def test_a_recipe_of_joined_data_is_not_run_on_other_data(call, data):
     Path("again.yaml").write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     said = run(call, "again.yaml", code=UserError.exit_code)
     assert "uses 2 joined data sets: give the folder of each with --data" in said
-    assert "weights: this run folder" in run(call, "again.yaml", "--data", data[0], "--data", data[1])
+    assert "finished: runs/smoke-" in run(call, "again.yaml", "--data", data[0], "--data", data[1])
+
+
+@pytest.mark.slow
+def test_finished_results_are_not_measured_again(call, data, monkeypatch):
+    folder = train(call, data)
+    words = (ROOT / "pcsr/recipes/smoke.yaml", *SMALL, "--data", data[0])
+    written = (folder / "results.json").read_bytes()
+    (folder / "report.html").unlink()
+    said = run(call, *words)
+    assert "finished: runs/smoke-" in said
+    assert "evaluating" not in said
+    assert (folder / "results.json").read_bytes() == written
+    assert (folder / "report.html").exists()
+    assert "evaluating" in run(call, *words, "--reevaluate")
+    assert "evaluating" in run(call, *words, "--set=evaluate.metrics=[cd, hd]"), "other metrics of the same weights"
+    assert "evaluating" in run(call, *words)
+    assert "evaluating" not in run(call, *words)
+    (folder / "results.json").write_text("{}")
+    assert "evaluating" in run(call, *words)
+    monkeypatch.setattr("pcsr.experiments.finished_runs.own_code", lambda: "another version")
+    assert "evaluating" in run(call, *words)
 
 
 def test_folders_that_do_not_fit_are_refused_before_anything_is_written(call, data):
@@ -160,7 +181,7 @@ def test_a_row_of_a_study_is_run_alone_and_the_study_then_finds_it(call, data, t
     words = ("study.yaml", *SMALL, "--data", data[0])
     run(call, *words, "--row", 2)
     (folder,) = Path("runs").glob("study-*")
-    assert folder.name.startswith("study-learning.rate.0.002-")
+    assert folder.name.startswith("study-learning_rate.0.002-")
     before = (folder / "weights.safetensors").read_bytes()
     printed = run(call, *words)
     assert "all runs: runs/study.html" in printed

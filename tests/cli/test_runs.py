@@ -63,6 +63,10 @@ def test_runs_are_listed_newest_first_with_what_differs_in_columns(call, runs):
         (("--where", "fusion=none"), ["c-1", "a-1"]),
         (("--where", "fusion=none", "--where", "state=finished"), ["a-1"]),
         (("--where", "name=[ab]-*", "--sort", "name"), ["a-1", "b-1"]),
+        (("--where", "name=a"), ["a-1"]),
+        (("--where", "fusion=mine"), ["b-1"]),
+        (("--where", "fusion=mine#0123456789ab"), ["b-1"]),
+        (("--where", "model.fusion=mine#*"), ["b-1"]),
         (("--where", "train.epochs=2", "--where", "seed=0"), ["c-1", "b-1", "a-1"]),
     ],
 )
@@ -72,7 +76,9 @@ def test_they_are_chosen_and_sorted(call, runs, words, names):
 
 def test_where_nothing_matches_it_says_so(call, runs):
     assert call("runs", "--where", "fusion=concat") == "no run in runs matches; it has 3\n"
-    assert "--sort hd: no run has such a value: known: age" in call("runs", "--sort", "hd", code=UserError.exit_code)
+    said = call("runs", "--sort", "hd", code=UserError.exit_code)
+    assert "--sort hd: no run has such a value: known: age" in said
+    assert said.endswith(", and keys of the recipe such as train.epochs\n")
     assert "write KEY=PATTERN" in call("runs", "--where", "fusion", code=UserError.exit_code)
     assert "name it with --runs" in call("runs", "--runs", "elsewhere", code=UserError.exit_code)
     Path("elsewhere").mkdir()
@@ -107,7 +113,14 @@ def test_an_unfinished_run_and_a_damaged_record_are_shown(call, runs):
     (runs[2] / "environment.json").write_text("[")
     text = call("runs", "show", runs[2])
     assert "unfinished: training stopped after step 8" in text
-    assert "environment.json is not JSON" in text
+    assert "environment.json:1: Expecting value" in text
+
+
+@pytest.mark.parametrize("key", ["git", "plugins"])
+@pytest.mark.parametrize("written", [1, [1], [[]], "x", None])
+def test_a_record_of_the_environment_of_other_types_is_remarked(call, runs, key, written):
+    (runs[1] / "environment.json").write_text(json.dumps({"training": {key: written}}))
+    assert f"environment.json: training.{key} is not " in call("runs", "show", "b-1")
 
 
 def test_runs_are_removed_after_a_question(call, runs):
@@ -119,6 +132,26 @@ def test_runs_are_removed_after_a_question(call, runs):
     assert not list(Path("runs").iterdir())
 
 
+def test_runs_are_removed_by_patterns_and_values_after_a_question_with_their_list(call, runs, tmp_path):
+    put(tmp_path / "runs" / "ab-1", "ab", fusion="mine")
+    said = call("runs", "rm", "a*", "--where", "fusion=none", code=1, text="n\n")
+    assert "runs/a-1: finished" in said
+    assert "Remove this run?" in said
+    said = call("runs", "rm", "runs/a*", code=1, text="n\n")
+    assert "runs/a-1: finished" in said
+    assert "Remove these 2 runs?" in said
+    call("runs", "rm", "--where", "fusion=mine", text="y\n")
+    assert {path.name for path in (tmp_path / "runs").iterdir()} == {"a-1", "c-1"}
+    for words, why in (
+        (("x-*",), "no run in runs matches 'x-*'"),
+        (("a*", "--where", "state=unfinished"), "no run matches state=unfinished"),
+        (("--where", "fusion=concat"), "no run matches fusion=concat"),
+        ((), "no run is named"),
+    ):
+        assert why in call("runs", "rm", *words, code=UserError.exit_code)
+    assert {path.name for path in (tmp_path / "runs").iterdir()} == {"a-1", "c-1"}
+
+
 def test_the_current_folder_is_removed_by_its_name(call, runs, monkeypatch):
     monkeypatch.chdir(runs[0])
     assert "removed ." in call("runs", "rm", "--yes", ".")
@@ -128,9 +161,24 @@ def test_the_current_folder_is_removed_by_its_name(call, runs, monkeypatch):
 def test_only_run_folders_are_removed(call, runs, tmp_path):
     (tmp_path / "notes").mkdir()
     Path("link").symlink_to(runs[0])
-    for named, why in (("notes", "is no run folder"), ("link", "is a link"), ("x", "there is no run 'x'")):
+    (tmp_path / "project" / ".git").mkdir(parents=True)
+    for other in ("project", "runs"):
+        (tmp_path / other / "results.json").write_text("{}")
+    for named, why in (
+        *(("notes", "is no run folder"), ("link", "is a link"), ("x", "there is no run 'x'")),
+        *(("project", "project holds a git repository"), ("runs", "runs holds another run, a-1")),
+    ):
         assert why in call("runs", "rm", "--yes", "b", named, code=UserError.exit_code)
     assert all(folder.exists() for folder in runs)
+
+
+def test_what_an_interrupted_removal_left_is_removed_with_the_next(call, runs):
+    left = Path("runs/.a-1.removed")
+    left.mkdir()
+    (left / "weights.safetensors").touch()
+    assert "removed runs/a-1" in call("runs", "rm", "--yes", "a")
+    assert not runs[0].exists()
+    assert not left.exists()
 
 
 def test_a_folder_that_cannot_be_removed_is_an_error_of_one_line(call, runs, monkeypatch):
@@ -144,6 +192,8 @@ def test_a_folder_that_cannot_be_removed_is_an_error_of_one_line(call, runs, mon
 
 def test_reports_are_written_again(call, runs, tmp_path):
     assert call("report", runs[0], runs[1]).splitlines() == [f"{run}/report.html" for run in runs[:2]]
+    assert call("report", "a") == "runs/a-1/report.html\n"
+    assert call("report", "b-1", "--runs", tmp_path / "runs") == f"{runs[1]}/report.html\n"
     assert "<h1>a</h1>" in (runs[0] / "report.html").read_text(encoding="utf-8")
     assert call("report", runs[0], "-o", "a.html") == "a.html\n"
     assert Path("a.html").read_bytes() == (runs[0] / "report.html").read_bytes()
@@ -154,7 +204,7 @@ def test_reports_of_other_folders_are_refused(call, runs, tmp_path):
     for words, why in (
         ((runs[2],), "runs/c-1/results.json is missing; do `pcsr run` again"),
         (("notes",), "notes is no run folder"),
-        (("nowhere",), "nowhere is no run folder"),
+        (("nowhere",), "there is no run 'nowhere'"),
         ((runs[0], runs[1], "-o", "x.html"), "it is the page of one run, and 2 are named"),
     ):
         assert why in call("report", *words, code=UserError.exit_code)

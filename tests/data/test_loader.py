@@ -1,5 +1,9 @@
 """`pcsr.Loader`: batches for a training loop of one's own, the same as those of `pcsr run`."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 import torch
 
@@ -12,6 +16,7 @@ from pcsr.data.plan import Plan
 from pcsr.errors import UserError
 from pcsr.workers import worker_pool
 from tests.data.splits import clouds
+from tests.processes import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +67,7 @@ def test_shapes_and_frames(folder):
         ({"touches": (2, 1)}, r"touches is \(2, 1\)"),
         ({"augment": ["rotat"]}, r"augmentation 'rotat' is unknown: did you mean 'rotate'\?"),
         ({"batch": 0}, "batch is 0: it must be at least 1"),
+        ({"seed": -1}, "seed is -1: it must be 0 or more"),
         ({"split": "tests"}, "has no split 'tests'"),
     ],
 )
@@ -76,3 +82,33 @@ def test_a_recipe_of_many_runs_is_refused(tmp_path):
         pcsr.Loader(tmp_path / "many.yaml")
     with pytest.raises(UserError, match="nothing"):
         pcsr.Loader("nothing")
+    with pytest.raises(UserError, match=r"split is 'tests': did you mean 'test'\?"):
+        pcsr.Loader("smoke", "tests")
+    with pytest.raises(UserError, match=r"plugins='mine\.py' is one file: give a list, plugins=\['mine\.py'\]"):
+        pcsr.Loader("smoke", plugins="mine.py")
+
+
+SCRIPT = """\
+import pcsr
+
+for batch in pcsr.Loader("tiny.yaml", batch=2):
+    print(tuple(batch.points.shape))
+"""
+
+
+def test_a_plain_script_builds_the_data_of_a_recipe(tmp_path):
+    """Worker processes would import the script again, and it starts them outside of `if __name__ == "__main__":`."""
+    data = "{shapes: {use: blobs, count: 14, held_out: 2}, points: 16, rate: 4, touches: 1}"
+    (tmp_path / "tiny.yaml").write_text(f"extends: smoke\nname: tiny\ndata: {data}\n")
+    (tmp_path / "script.py").write_text(SCRIPT)
+    path = os.pathsep.join([str(ROOT), str(ROOT / "plugins"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.splitlines() == ["(2, 16, 3)"] * 7, done.stderr
+    assert "Traceback" not in done.stderr

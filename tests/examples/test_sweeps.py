@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -79,14 +80,21 @@ def test_trials_are_runs_that_are_not_trained_twice(sweep, tmp_path, capfd):
     sweep.main(command)
     assert {path: path.stat().st_mtime_ns for path in weights} == weights
     assert capfd.readouterr().out == printed
-    assert printed.startswith(f"the best: pcsr run smoke --runs {tmp_path} --set data.shapes.count=4 ")
-    assert "--set train.learning_rate=0.00" in printed
+    *trials, best, command = printed.splitlines()
+    assert len(trials) == 2
+    number = r"validation cd ×10³ ([\d.]+): learning_rate 0\.00\d+, schedule \w+, clip_norm \S+"
+    errors = [float(re.fullmatch(number, trial)[1]) for trial in trials]
+    assert best == f"the best: {trials[errors.index(min(errors))]}"
+    assert command.startswith(f"pcsr run smoke --runs {tmp_path} --set data.shapes.count=4 ")
+    assert "--set train.learning_rate=0.00" in command
 
 
-def test_a_training_that_diverges_is_the_worst_and_a_mistake_ends_the_search(sweep, tmp_path, monkeypatch):
-    done = SimpleNamespace(returncode=1, check_returncode=lambda: 1 / 0)
+def test_a_training_that_diverges_is_the_worst_and_a_mistake_ends_the_search(sweep, tmp_path, monkeypatch, capsys):
+    done = SimpleNamespace(returncode=1, stderr="a mistake", check_returncode=lambda: 1 / 0)
     monkeypatch.setattr(sweep.subprocess, "run", lambda *_, **__: done)
     assert sweep.validation_error("smoke", {}, tmp_path) == math.inf
     done.returncode = 2
+    assert "validation cd ×10³ inf" in capsys.readouterr().out
     with pytest.raises(ZeroDivisionError):
         sweep.validation_error("smoke", {}, tmp_path)
+    assert capsys.readouterr().err == "a mistake"

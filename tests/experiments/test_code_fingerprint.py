@@ -81,7 +81,7 @@ def test_after_an_edit_it_is_trained_again_beside_the_old_run(call):
     call()
     (old,) = folders()
     before = contents(Path("runs") / old)
-    assert "weights: this run folder" in call(), "nothing was edited"
+    assert "finished: runs/" in call(), "nothing was edited"
     Path("mine.py").write_text(EDITED)
     said = call()
     assert (
@@ -94,9 +94,9 @@ def test_after_an_edit_it_is_trained_again_beside_the_old_run(call):
     assert before.items() <= contents(Path("runs") / old).items()
     assert results(new)["training"]["source"] == "trained by this run"
     assert "other_code" not in results(new)["training"]
-    assert "weights: this run folder" in call()
+    assert "finished: runs/" in call()
     Path("mine.py").write_text(PLUGIN)
-    assert f"weights: this run folder, runs/{old}" in call(), "the old code has its weights still"
+    assert f"finished: runs/{old}, " in call(), "the old code has its weights still"
 
 
 def test_old_weights_are_kept_knowingly_and_the_report_says_so(call):
@@ -107,7 +107,7 @@ def test_old_weights_are_kept_knowingly_and_the_report_says_so(call):
     changed = f"the code of fusion 'mine' (mine.py) has changed since runs/{old} was trained"
     assert f"weights: kept with --keep-weights, as {changed}" in said
     assert f"Old weights with new code: {changed} (--keep-weights)" in said
-    assert "training, 1 epochs" not in said
+    assert "training, 1 epoch" not in said
     (new,) = folders() - {old}
     training = results(new)["training"]
     assert training["source"] == f"those of runs/{old}"
@@ -119,7 +119,7 @@ def test_old_weights_are_kept_knowingly_and_the_report_says_so(call):
     assert not (Path("runs") / new / "weights.safetensors").exists()
     values = [results(one)["methods"][0]["values"] for one in (old, new)]
     assert values[0] != values[1], "the new code is what is measured"
-    assert "training, 1 epochs" in call(), "and it is trained as soon as nothing else is asked for"
+    assert "training, 1 epoch" in call(), "and it is trained as soon as nothing else is asked for"
     assert 'class="warning"' not in (Path("runs") / new / "report.html").read_text()
 
 
@@ -172,12 +172,12 @@ def test_retraining_replaces_the_weights_when_it_is_finished_and_goes_on_after_a
     with monkeypatch.context() as patched:
         patched.setattr(trained, "save_weights", full)
         said = call("--retrain", code=RunError.exit_code)
-    assert "--retrain: training, 1 epochs" in said
+    assert "--retrain: training, 1 epoch" in said
     assert len(steps) == 2, "from the first step"
     assert {name: data for name, data in contents(path).items() if name != "recipe.json"}.items() <= before.items()
     assert (path / "retraining" / "checkpoint.safetensors").exists()
-    assert "weights: this run folder" in call(), "the old ones are there meanwhile"
-    assert "--retrain: training goes on after step 2, 1 epochs in all" in call("--retrain")
+    assert "finished: runs/" in call(), "the old ones are there meanwhile"
+    assert "--retrain: training goes on after step 2, 1 epoch in all" in call("--retrain")
     assert len(steps) == 2, "what was done is not done again"
     assert {one.name for one in path.iterdir()} == {*before, "plugins"}
     after = load_file(path / "weights.safetensors")
@@ -219,7 +219,7 @@ def test_an_edited_touch_source_makes_other_data_but_not_of_data_that_is_built(c
     built = sorted(Path("runs/data").iterdir())[0]
     call("--data", built)
     Path("world.py").write_text(text + "\n# edited again\n")
-    assert "weights: this run folder" in call("--data", built)
+    assert "finished: runs/" in call("--data", built)
 
 
 @pytest.mark.slow

@@ -37,6 +37,18 @@ class Mine(Fusion):
 def pcsr_register(register):
     register.fusion("mine", Mine)
 """
+NET = """
+from torch import nn
+from models.layers.head import Linear
+
+class Net(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer, self.head = Linear(3, 8), Linear(8, 3)
+
+    def forward(self, points):
+        return self.head(self.layer(points))
+"""
 SETTINGS = (
     "model.fusion=mine", "data.shapes.count=4", "data.shapes.held_out=2", "data.points=64", "data.touch.points=32",
     "train.epochs=1", "train.batch=2", "model.encoder.channels=8", "model.backbone.channels=[8]",
@@ -102,6 +114,35 @@ def test_files_of_one_name_are_kept_apart(tmp_path):
     registry = load_plugins(files)
     (recipe,) = load(SMOKE, registry, ["evaluate.metrics=[cd, own]", "evaluate.baselines=[own]"])
     assert plugin_files(recipe, registry) == {"mine": files[0], "mine-2": files[1]}
+
+
+def test_the_modules_that_a_network_imports_are_copied_with_it(tmp_path):
+    """They lie in the folder of its file and in one above it, in packages without an `__init__.py`."""
+    files = {
+        "made/network.py": "from made.sizes import width\nfrom models.net import Net\n",
+        "made/sizes.py": "width = 8\n",
+        "models/net.py": NET,
+        "models/layers/head.py": "from torch.nn import Linear\n",
+        "models/other.py": "",
+    }
+    for name, text in files.items():
+        path = tmp_path / "repository" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    text = "extends: {}\nname: tiny\nmodel: {{graft: {{network: repository/made/network.py:Net, at: layer}}}}\n"
+    (tmp_path / "tiny.yaml").write_text(text.format(SMOKE.as_posix()))
+    registry = load_plugins()
+    (recipe,) = load(tmp_path / "tiny.yaml", registry)
+    record(tmp_path / "run", "training", recipe, registry, None)
+    about = read_environment(tmp_path / "run")["training"]
+    assert about["plugins"] == {"plugins/network/made/network.py": recipe.code["model.graft.network"]}
+    copies = tmp_path / "run" / "plugins" / "network"
+    found = {path.relative_to(copies).as_posix() for path in copies.rglob("*.py")}
+    assert found == {"made/network.py", "made/sizes.py", "models/net.py", "models/layers/head.py"}
+    shutil.rmtree(tmp_path / "repository")
+    again = load_plugins([copies / "made" / "network.py"])
+    (repeated,) = load(tmp_path / "run" / "recipe.json", again)
+    assert repeated.fingerprint == recipe.fingerprint
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")

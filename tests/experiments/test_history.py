@@ -51,7 +51,7 @@ def test_what_came_after_a_step_is_cut_off(history, tmp_path, step, kept):
     assert list(tmp_path.iterdir()) == [history.path]
 
 
-@pytest.mark.parametrize("torn", [b'{"step": 4, "lo', b"\xff\xfe"])
+@pytest.mark.parametrize("torn", [b'{"step": 4, "lo', b"\xff\xfe", b"{}", b"[]", b"7", b'{"step": "x"}'])
 def test_a_torn_line_and_what_follows_go_too(history, tmp_path, torn):
     with history.path.open("ab") as file:
         file.write(torn + b'\n{"step": 1}\n')

@@ -11,7 +11,8 @@ from safetensors.torch import load_file
 
 from pcsr import Logger
 from pcsr.data.dataset import Split
-from pcsr.experiments.run import packages
+from pcsr.errors import PcsrWarning
+from pcsr.experiments.run import _history, packages
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.trained_network import trained
 from pcsr.geometry.frames import UnitSphere
@@ -23,6 +24,7 @@ from pcsr.plugins.registry import Entry
 from pcsr.recipe import load
 from pcsr.recipe.section import PartSpec
 from pcsr.recipe.train_section import Weights
+from pcsr.weights.file import tensors_hash
 
 ROOT = Path(__file__).parents[2]
 TINY = [
@@ -98,6 +100,15 @@ def settings(*those):
     return [word for setting in those for word in ("--set", setting)]
 
 
+def test_a_damaged_history_costs_the_chart_of_the_training_alone(tmp_path):
+    assert _history(tmp_path) is None
+    (tmp_path / "metrics.jsonl").write_text('{"step": 1, "loss": 1}\n')
+    assert _history(tmp_path) == [{"step": 1, "loss": 1}]
+    (tmp_path / "metrics.jsonl").write_text("{}\n")
+    with pytest.warns(PcsrWarning, match=r"metrics\.jsonl:1: not a line .*the report lacks the training; --retrain"):
+        assert _history(tmp_path) is None
+
+
 @pytest.mark.slow
 def test_the_whole_way_as_a_person_goes_it(tmp_path):
     plugin = tmp_path / "mine.py"
@@ -108,10 +119,8 @@ def test_the_whole_way_as_a_person_goes_it(tmp_path):
         "    def forward(self, points, features, touches):\n        return features + touches.flat.mean()\n"
         "@hookimpl\ndef pcsr_register(register):\n    register.fusion('mine', Mine)\n"
     )
-    broken = tmp_path / "broken.py"
-    broken.write_text("raise RuntimeError('no')\n")
     small = ["data.shapes.count=4", "data.shapes.held_out=2", "train.epochs=1", "train.batch=2", "model.fusion=mine"]
-    words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin, "--plugin", broken]
+    words = ["run", ROOT / "pcsr/recipes/smoke.yaml", "--runs", tmp_path / "r", "--plugin", plugin]
     assert "midpoint" in call(*words, *settings(*TINY[:4], *small))
     (folder,) = (tmp_path / "r").glob("smoke-*")
     assert {"report.html", "results.json", "weights.safetensors", "metrics.jsonl"} <= {f.name for f in folder.iterdir()}
@@ -236,6 +245,7 @@ def test_the_same_training_is_not_done_again_under_another_name(recipe, finished
         found, source = ask(other)
         assert torch.equal(weights(found), weights(network))
         assert not found.training
+        assert source.pop("weights") == tensors_hash(network.state_dict())
         assert source == {"seconds": 7.0, "source": "another run of this recipe"}
     assert ask(recipe)[1]["source"] == "this run folder"
 

@@ -1,8 +1,11 @@
 """Parts that are installed, and the page about grafts: its code runs from top to bottom, and so do its commands."""
 
 import contextlib
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,35 @@ TEXT = (Path(__file__).parents[2] / "docs" / "graft.md").read_text(encoding="utf
 NETWORK, EXAMPLE, _ = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 (RECIPE,) = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 COMMANDS = re.findall(r"^pcsr (.*)$", TEXT, re.MULTILINE)
+
+
+WRONG_TYPES = """
+import sys
+import pcsr
+from tests.grafting.networks import Meeting
+
+for words, options, why in (
+    ((Meeting, "layer"), {}, "give a torch.nn.Module, an instance of its class"),
+    ((Meeting(None), Meeting(None).layer), {}, "give the dotted name of a layer"),
+    ((Meeting(None), "layer"), {"plugins": "mine.py"}, "plugins='mine.py' is one file"),
+):
+    try:
+        pcsr.graft(*words, **options)
+    except pcsr.UserError as error:
+        if why not in str(error):
+            sys.exit(f"{error} says nothing of: {why}")
+    else:
+        sys.exit(f"accepted: {words}")
+"""
+
+
+def test_a_network_a_layer_and_plugins_of_another_type_are_named():
+    """In a process without the tests' check of types, which would refuse them first."""
+    environment = {**os.environ, "JAXTYPING_DISABLE": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", WRONG_TYPES], capture_output=True, text=True, env=environment, check=False
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_installed_plugins_are_found_without_a_registry():

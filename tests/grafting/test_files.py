@@ -64,8 +64,13 @@ def test_what_a_header_cannot_say_is_not_saved(tmp_path):
     grafted = graft(Meeting(None), "layer", fusion=Bias(Widths()), registry=PLUGINS)
     with pytest.raises(UserError, match="the fusion of this graft was given as an instance"):
         save_graft(tmp_path / "graft", grafted)
-    with pytest.raises(UserError, match=r"about=\{'device': .*\}, options=None: the header of a graft is what"):
-        save_graft(tmp_path / "graft", graft(Meeting(None), "layer", registry=PLUGINS), {"device": torch.device("cpu")})
+    grafted = graft(Meeting(None), "layer", registry=PLUGINS)
+    for about, named in (({"device": torch.device("cpu")}, "'device'"), ({"loss": float("nan")}, "'loss': nan")):
+        with pytest.raises(UserError, match=rf"about=\{{{named}.*\}}, options=None: the header of a graft is what"):
+            save_graft(tmp_path / "graft", grafted, about)
+    for touches in ((-1, 8), (17, 8), (2, 0)):
+        with pytest.raises(UserError, match=rf"touches=\({touches[0]}, {touches[1]}\): give the largest number"):
+            save_graft(tmp_path / "graft", grafted, touches=touches)
     assert not list(tmp_path.iterdir())
 
 

@@ -163,8 +163,14 @@ def test_touches_in_another_unit_are_refused_with_both_sizes(world):
         UserError, match=r"row 1 of the batch: .* lies 10\.5 away from the centre of its cloud, which is 2 across:"
     ):
         grafted(points, touches=mixed)
-    with pytest.raises(UserError, match=r"row 0 .* lies inf away"):
-        grafted(points, touches=touches * torch.nan)
+    part = touches.clone()
+    part[1, 0, 2] = torch.inf  # of one point, beside another touch that is whole
+    for spoilt, row in ((touches * torch.nan, 0), (part, 1)):
+        with pytest.raises(UserError, match=f"row {row} of the batch: a touch has coordinates that are not finite"):
+            grafted(points, touches=spoilt)
+    present = torch.ones(touches.shape[:2], dtype=torch.bool)
+    present[1, 0] = False
+    assert grafted(points, touches=part, mask=present).isfinite().all()
     grafted(points, touches=far - torch.tensor([0.6, 0, 0]))  # within ten radii
     grafted(points, touches=torch.stack([touches[:, 0], far[:, 0]], 1))  # one of two is near
     grafted(points, touches=mixed, mask=torch.tensor([[True, True], [False, False], [False, False]]))

@@ -110,6 +110,25 @@ def test_of_a_layer_that_gives_no_tensor_the_ones_inside_are_offered():
     assert graft(network, "1.one", registry=PLUGINS).injection_point.width == 8
 
 
+class Squeezing(nn.Module):
+    """(b n 3) to (b 2n 3); the axis of a single cloud is squeezed away."""
+
+    def __init__(self):
+        super().__init__()
+        self.layer, self.norm, self.head = nn.Conv1d(3, 8, 1), nn.BatchNorm1d(8), nn.Conv1d(8, 6, 1)
+
+    def forward(self, points):
+        features = self.norm(self.layer(points.transpose(1, 2)).unsqueeze(3).squeeze())
+        return points.repeat(1, 2, 1) + self.head(features).unflatten(1, (3, 2)).flatten(2).transpose(1, 2)
+
+
+def test_a_network_that_fails_on_one_cloud_needs_two():
+    grafted = graft(Squeezing(), at="layer", probe=16)
+    assert (grafted.injection_point.smallest_batch, grafted.calling.rate) == (2, 2)
+    plain = nn.Sequential(nn.Linear(3, 8), nn.Linear(8, 3))
+    assert graft(plain, at="0").injection_point.smallest_batch == 1
+
+
 class Strict(nn.Module):
     """It takes N points only."""
 

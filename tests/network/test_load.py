@@ -12,9 +12,9 @@ from safetensors.torch import load_file, save_file
 
 from pcsr.errors import UserError
 from pcsr.network.load import load_weights
-from pcsr.network.save import save_weights, tensors_hash
+from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
-from pcsr.weights.file import read_card
+from pcsr.weights.file import read_card, tensors_hash
 from tests.saved_weights import plugins, recipe, refusal, save
 
 

@@ -13,10 +13,16 @@ from pcsr.plugins.registry import Entry
 
 @pytest.fixture
 def plugin(tmp_path):
-    """A plugin file that imports a module and a package beside it, one of them through the other."""
+    """A plugin file that imports a module and two packages beside it, one of them through another.
+
+    The outer package has no `__init__.py`, as in many repositories.
+    """
     (tmp_path / "package").mkdir()
+    (tmp_path / "outer" / "inner").mkdir(parents=True)
     files = {
-        "mine.py": "import os, near\nfrom pcsr import Fusion\n",
+        "mine.py": "import os, near\nfrom pcsr import Fusion\nfrom outer.layers import z\n",
+        "outer/layers.py": "from outer.inner import deep\n",
+        "outer/inner/deep.py": "z = 1\n",
         "near.py": "def f():\n    from package import inner\n",
         "package/__init__.py": "",
         "package/inner.py": "x = 1\n",
@@ -27,7 +33,10 @@ def plugin(tmp_path):
     return tmp_path / "mine.py"
 
 
-@pytest.mark.parametrize("name", ["mine.py", "near.py", "package/__init__.py", "package/inner.py"])
+@pytest.mark.parametrize(
+    "name",
+    ["mine.py", "near.py", "package/__init__.py", "package/inner.py", "outer/layers.py", "outer/inner/deep.py"],
+)
 def test_an_edit_of_a_file_or_of_what_it_imports_changes_its_hash(plugin, name):
     before = file_code(plugin)
     path = plugin.parent / name

@@ -120,9 +120,9 @@ def test_why_says_where_a_plugin_failed(write):
     ]
     # The message about a part that isn't there names every plugin that failed.
     with pytest.raises(UserError) as refused:
-        why(registry, "cross-attention")
+        why(registry, "telepathy")
     assert str(refused.value).splitlines() == [
-        "no installed plugin registers a part or is called 'cross-attention'; a part in a file needs --plugin FILE",
+        "no installed plugin registers a part or is called 'telepathy'; a part in a file needs --plugin FILE",
         *why(registry, str(path)).splitlines(),
     ]
 

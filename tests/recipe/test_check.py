@@ -31,7 +31,7 @@ def test_all_mistakes_at_once_each_in_its_place(write, registry):
           metrics: [cd, chamfer]
     """)
     assert lines(path, registry) == [
-        "recipe.yaml:1:7: name: it must be up to 200 of a-z, 0-9, . and -, the first a letter or a digit, got 'Bad Name'",  # noqa: E501
+        "recipe.yaml:1:7: name: it must be up to 200 of a-z, 0-9, ., _ and -, the first a letter or a digit, got 'Bad Name'",  # noqa: E501
         "recipe.yaml:2:1: a recipe takes no 'sed': did you mean 'seed'?",
         "recipe.yaml:4:12: data.touches: it must be a whole number, got 'many'",
         "recipe.yaml:5:31: touch 'digit'.points: it must be a whole number, got 6.5",
@@ -162,6 +162,12 @@ def test_a_name_that_stands_in_a_list_twice(write, registry):
         "recipe.yaml:2:34: train.augment: 'scale' is listed twice: remove one of the two",
         "recipe.yaml:3:26: evaluate.metrics: 'cd' is listed twice: remove one of the two",
     ]
+
+
+@pytest.mark.parametrize("name", ["truth", "input", "touches", "floor", "midpoint"])
+def test_a_name_that_results_have_for_something_else(write, registry, name):
+    (line,) = lines(write(f"name: {name}", model=True), registry)
+    assert line == f"recipe.yaml:1:7: name: '{name}' is the name of another cloud or row of the results: take another"
 
 
 def test_a_seed_that_generators_do_not_take(write, registry):

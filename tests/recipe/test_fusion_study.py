@@ -43,6 +43,10 @@ def test_each_row_differs_from_the_first_in_what_it_is_about_alone():
     assert found == DIFFERENCES
 
 
+NOT_TOUCHED = 6
+"""Number of training parts that refuse a touch."""
+
+
 def test_the_page_lists_the_rows():
     section = PAGE[PAGE.index("## What fusions make of touches") : PAGE.index("## Training clouds")]
     listed = re.findall(r"^\| (`.*?`) \|", section, re.MULTILINE)
@@ -53,8 +57,9 @@ def test_each_row_is_trained_for_20_000_steps_with_two_seeds_on_the_same_data():
     runs = load(Path("fusions/study"), REGISTRY)
     assert [(run.seed, run.data_seed) for run in runs] == [(0, 0), (1, 0)] * len(ROWS)
     for recipe in ROWS.values():
-        count = recipe.data.shapes.options["count"]
-        assert recipe.train.epochs * (count // recipe.train.batch) == recipe.train.snapshots[-1] == 20_000
+        assert recipe.train.snapshots[-1] == 20_000
+        touched = recipe.data.shapes.options["count"] - NOT_TOUCHED
+        assert 0 <= recipe.train.epochs * (touched // recipe.train.batch) - 20_000 < 2 * touched // recipe.train.batch
 
 
 @pytest.mark.slow

@@ -31,13 +31,26 @@ def test_matrix_is_a_product_with_tidy_names(write):
     assert [run.data["name"] for run in runs] == [
         "grid-fusion.none-touches.0",
         "grid-fusion.none-touches.0.5",
-        "grid-fusion.cross.attention-touches.0",
-        "grid-fusion.cross.attention-touches.0.5",
+        "grid-fusion.cross_attention-touches.0",
+        "grid-fusion.cross_attention-touches.0.5",
     ]
     assert runs[3].data["model"]["fusion"] == {"use": "Cross_Attention", "heads": 2}
     assert runs[3].data["train"] == {"epochs": 1, "touches": [0, 5]}
     assert runs[3].location(("train", "touches")) == Location(str(path), 5, 22)
     assert "matrix" not in runs[0].data
+
+
+def test_names_have_values_as_they_are_where_a_folder_may_be_called_so(write):
+    path = write("""
+        name: grid
+        matrix:
+          model.fusion: [cross-attention, -x-]
+          train.learning_rate: [0.001, 1e-5, -1]
+    """)
+    rates = ("learning_rate.0.001", "learning_rate.1e-05", "learning_rate.1")
+    assert [run.data["name"] for run in compose(path)] == [
+        f"grid-fusion.{fusion}-{rate}" for fusion in ("cross-attention", "x") for rate in rates
+    ]
 
 
 def test_keys_of_a_matrix_may_vary_together(write):

@@ -115,8 +115,8 @@ def test_rows_share_their_data(rows, plugins):
     }
     by_name = {r.name: one for study, of in prints.items() for r, one in zip(rows[study], of, strict=True)}
     same = [
-        ("size-field-touches.4-object.size.30.0", "policy-policy.uniform-touches.4"),
-        ("size-field-touches.4-object.size.30.0", "sensor-arm-error.0.0-registration.none-seed.0"),
+        ("size-field-touches.4-object_size.30.0", "policy-policy.uniform-touches.4"),
+        ("size-field-touches.4-object_size.30.0", "sensor-arm-error.0.0-registration.none-seed.0"),
         ("occlusion-policy.sparse-touches.4", "sensor-shared-error.0.0-registration.none-seed.0"),
         ("vision-noise.0.02", "sensor-camera-noise.0.02-error.0.0-registration.none-seed.0"),
     ]

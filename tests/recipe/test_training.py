@@ -19,6 +19,7 @@ MISTAKES = {
     "optimizer: {use: adam, betas: 0.9}": "optimizer 'adam'.betas: it must be a list, got 0.9",
     "optimizer: {use: sgd, momentum: -1}": "train.optimizer: sgd refuses its options: invalid momentum value: -1.0",
     "optimizer: {use: sgd, nesterov: true}": "train.optimizer: sgd refuses its options: nesterov momentum",
+    "optimizer: {use: adam, weight_decay: 1.0e+300}": "train.optimizer: adam refuses its options: value cannot be conv",
     "schedule: cosin": "train.schedule: it must be 'steps', 'cosine' or 'linear', got 'cosin'",
     "final_learning_rate: 1": "train.final_learning_rate: 1 is more than train.learning_rate, 0.001: lower it",
     "warmup: 4": "train.warmup: 4 epochs are not fewer than train.epochs, 4: lower it",

@@ -21,6 +21,7 @@ def change(results, path, value):
         (["groups"], ["gear"], "6 objects but 1 groups"),
         (["methods", 1, "values", "hd"], [0.1], "'midpoint' has 1 values of hd for 6 objects"),
         (["methods", 0, "values", "cd"], [float("nan")] * 6, "methods.0.values.cd.0"),
+        (["methods", 0, "values", "cd"], [1.7e308] * 6, "methods.0.values.cd.0: it must be less than 1e+100"),
         (["methods", 0, "values"], {}, "'tapsr' has 0 values of cd"),
         (["data", "points"], "many", "data.points"),
         (["metrics"], {}, "metrics"),

@@ -125,7 +125,7 @@ def test_a_full_disk_is_explained_and_the_work_continues_later(scan, tmp_path, m
 
 def test_too_little_room_is_said_before_the_tiles_are_upsampled(scan, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
-    with pytest.raises(RunError, match=r"has 0\.001 MB free, and 0\.\d+ MB more are written there"):
+    with pytest.raises(RunError, match=r"has 1 kB free, and \d+\.?\d* kB more are written there"):
         stream(scan, tmp_path / "out.ply")
 
 

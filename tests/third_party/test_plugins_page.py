@@ -58,14 +58,14 @@ def test_every_command_does_what_is_said_of_it(done):
 def test_the_comparison_ends_in_a_table_of_both_fusions(done):
     (compared,) = [text for line, text in done[0] if line.startswith("pcsr compare")]
     table = compared[compared.rindex("report: ") :]
-    rows = re.findall(r"^ *(fusion\.[a-z.]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
-    assert rows == ["fusion.iterative", "fusion.my.fusion"]
+    rows = re.findall(r"^ *(fusion\.[a-z.-]+) +[\d.]+ ± [\d.]+", table, re.MULTILINE)
+    assert rows == ["fusion.iterative", "fusion.my-fusion"]
 
 
 @pytest.mark.slow
 def test_weights_say_what_has_to_be_installed(done):
     _, folder = done
-    run = next(path for path in (folder / "runs").glob("small-fusion.my.fusion-*") if path.is_dir())
+    run = next(path for path in (folder / "runs").glob("small-fusion.my-fusion-*") if path.is_dir())
     with pytest.raises(pcsr.UserError) as caught:
         pcsr.load(run)
     message = str(caught.value).replace(f"{folder}/", "")

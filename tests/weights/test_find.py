@@ -1,12 +1,16 @@
 """Weights by name, file or run folder."""
 
+import json
 from pathlib import Path
 
 import pytest
+import torch
+from safetensors.torch import save_file
 
 from pcsr import weights
 from pcsr.errors import UserError
 from pcsr.weights.find import find
+from tests.small_run import put
 
 
 def test_shipped_weights_go_by_their_names(tmp_path, monkeypatch):
@@ -43,3 +47,21 @@ def test_a_run_folder_stands_for_the_weights_in_it(tmp_path):
         find("run", tmp_path)
     (tmp_path / "run" / weights.WEIGHTS).write_bytes(b"")
     assert find("run", tmp_path) == tmp_path / "run" / weights.WEIGHTS
+
+
+def test_a_run_without_weights_has_those_of_the_other_run_of_its_recipe(tmp_path):
+    """Rows that differ in the touches at evaluation are of one network, which the first of them trained."""
+
+    def write(name, **card):
+        (tmp_path / name).mkdir(exist_ok=True)
+        save_file({"a": torch.zeros(1)}, tmp_path / name / weights.WEIGHTS, {"pcsr": json.dumps(card)})
+
+    put(tmp_path / "row-ab12cd34")
+    write("other-ab12cd34", fingerprint="ab12cd34ef1", data_fingerprint="f00")
+    write("rebuilt-ab12cd34", fingerprint="ab12cd34ef0", data_fingerprint="f01")
+    with pytest.raises(UserError, match=r"row-ab12cd34 holds no weights\.safetensors, and .* none of another run"):
+        find("row-ab12cd34", tmp_path)
+    write("trained-ab12cd34", fingerprint="ab12cd34ef0", data_fingerprint="f00")
+    assert find("row-ab12cd34", tmp_path) == tmp_path / "trained-ab12cd34" / weights.WEIGHTS
+    write("row-ab12cd34", fingerprint="ab12cd34ef0", data_fingerprint="f00")
+    assert find("row-ab12cd34", tmp_path) == tmp_path / "row-ab12cd34" / weights.WEIGHTS

@@ -40,7 +40,7 @@ def _training(runs: RunSet) -> "Figure | None":
     }
     colour_of = _colours(runs)
     colours = [colour_of[id(run)] for name, run in zip(runs.networks, runs.results, strict=True) if name in lines]
-    return draw_lines("Validation", "training step", scaled("cd", 1000.0), steps, lines, colours)
+    return draw_lines("Validation", "training step", scaled("cd", 1000.0), steps, lines, colours, logarithmic=True)
 
 
 def _colours(runs: RunSet) -> dict[int, str]:

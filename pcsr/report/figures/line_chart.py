@@ -63,8 +63,20 @@ def draw_lines(
     x: Sequence[Number | str],
     lines: Mapping[str, Line],
     colours: Sequence[str] = SERIES,
+    *,
+    logarithmic: bool = False,
 ) -> "Figure":
-    """The figure that `line_chart` writes; `colours` are those of the lines, repeated if there are fewer."""
+    """The figure that `line_chart` writes.
+
+    Args:
+        title: as for `line_chart`.
+        x_label: as for `line_chart`.
+        y_label: as for `line_chart`.
+        x: as for `line_chart`.
+        lines: as for `line_chart`.
+        colours: colours of the lines, repeated if there are fewer.
+        logarithmic: use a logarithmic vertical axis that fits the values, where all are above 0.
+    """
     _check(title, x, lines)
     names = any(isinstance(one, str) for one in x)
     across = np.arange(len(x), dtype=float) if names else np.array(x, dtype=float)
@@ -77,7 +89,10 @@ def draw_lines(
         mean, spread = _curve(line, order)
         lowest = min(lowest, float(np.nanmin(mean - spread)))
         handles.append(_draw_line(axes, across[order], mean, spread, k, colours[k % len(colours)]))
-    axes.set_ylim(bottom=lowest if lowest < 0 else 0)
+    if logarithmic and all(np.nanmin(line.get_ydata()) > 0 for line in axes.lines):
+        _scale_logarithmically(axes)
+    else:
+        axes.set_ylim(bottom=lowest if lowest < 0 else 0)
     if names:
         axes.set_xticks(across, [label(str(name), max(6, 72 // len(x)), 3) for name in x])
         axes.set_xlim(-0.5, len(x) - 0.5)
@@ -114,6 +129,18 @@ def _draw_line(
     style, marker = LINE_STYLES[k // len(SERIES) % len(LINE_STYLES)], MARKERS[k % len(MARKERS)]
     (handle,) = axes.plot(x, mean, color=colour, linestyle=style, linewidth=1.8, marker=marker, markersize=5)
     return handle
+
+
+def _scale_logarithmically(axes: "Axes") -> None:
+    """Make the vertical axis logarithmic; within a factor of 10 its numbers are evenly spaced."""
+    from matplotlib import ticker
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if high < 10 * low:
+        axes.yaxis.set_major_locator(ticker.MaxNLocator(6))
+        axes.yaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_locator(ticker.NullLocator())
 
 
 def _check(title: str, x: Sequence[Number | str], lines: Mapping[str, Line]) -> None:

@@ -29,8 +29,12 @@ COLUMNS = 4
 """Number of panels in a row of Figure 6."""
 
 
-def figures(runs: RunSet) -> "dict[str, Figure]":
+def figures(runs: RunSet, pictured: RunSet | None = None) -> "dict[str, Figure]":
     """All figures that the runs have clouds or numbers for.
+
+    Args:
+        runs: the runs.
+        pictured: those of the runs whose clouds are drawn; None: all.
 
     Returns:
         Figures by name: `touches` where there are any, `closeups`, and an `object-K` for each example; `training` where
@@ -39,10 +43,11 @@ def figures(runs: RunSet) -> "dict[str, Figure]":
     Raises:
         UserError: the extra `[report]` is not installed.
     """
-    drawn = {"closeups": closeups(runs.examples[:OBJECTS], runs.networks)}
-    if touched := [example for example in runs.examples if example.touches]:
+    clouds = pictured or runs
+    drawn = {"closeups": closeups(clouds.examples[:OBJECTS], clouds.networks)}
+    if touched := [example for example in clouds.examples if example.touches]:
         drawn["touches"] = touches(touched[:OBJECTS])
-    drawn |= {f"object-{k}": side_by_side(example) for k, example in enumerate(runs.examples)}
+    drawn |= {f"object-{k}": side_by_side(example) for k, example in enumerate(clouds.examples)}
     return drawn | curve_figures(runs)
 
 
@@ -119,7 +124,7 @@ def _prediction(
     """Caption and layer of a predicted cloud, coloured by its errors."""
     cloud = shared.example.predictions[name]
     layer = Layer(cloud, error_colours(errors, end), disc_diameter(len(cloud)))
-    return f"{name}, mean error {errors.mean():.3g} ×10⁻³", [layer]
+    return f"{name}, mean distance to the truth {errors.mean():.3g} ×10⁻³", [layer]
 
 
 def _input_layers(shared: SharedExample) -> list[Layer]:

@@ -2,7 +2,9 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
+from pcsr.counted import counted
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.tables.comparison import Comparison, Difference
 from pcsr.report.tables.rows import MARK, Row
@@ -12,6 +14,8 @@ from pcsr.report.tables.text_table import TextTable
 
 VARIED = re.compile(r"-(touches|rate)\.(\d+)")
 """Part of a run's name that gives the setting which the paper's tables have as columns."""
+COSTS = ("parameters", "s/cloud", "s/epoch")
+"""Heads of the columns that are no errors."""
 
 
 def tables(compared: Comparison) -> list[TextTable]:
@@ -23,10 +27,32 @@ def tables(compared: Comparison) -> list[TextTable]:
     return [_all_metrics(compared), *(one for one in optional if one is not None)]
 
 
+def paper_tables(compared: Comparison) -> list[TextTable]:
+    """Tables of a comparison for a paper: titles that are captions, and narrow columns.
+
+    Of `COSTS` only those are shown that have published values. Intervals have a line of their own.
+    """
+    first, *others = tables(compared)
+    published = {column for row in compared.rows for column in row.published}
+    kept = [k for k, head in enumerate(first.heads) if head not in COSTS or head in published]
+    first = replace(
+        first,
+        title=f"Errors on {counted(len(compared.first.runs[0].objects), 'test object')}; lower is better",
+        heads=[first.heads[k] for k in kept],
+        cells=[[row[k] for k in kept] for row in first.cells],
+        bold=frozenset((i, kept.index(k)) for i, k in first.bold),
+    )
+    narrow = [
+        replace(table, cells=[[label, *(cell.replace(" [", "\n[") for cell in row)] for label, *row in table.cells])
+        for table in others
+    ]
+    return [first, *narrow]
+
+
 def _all_metrics(compared: Comparison) -> TextTable:
     with_touch = any(run.touch for run in compared.runs)
     heads = ["", *(scaled(metric, note.scale) for metric, note in compared.metrics.items())]
-    heads += [*([EFFICIENCY] if with_touch else []), "parameters", "s/cloud", "s/epoch"]
+    heads += [*([EFFICIENCY] if with_touch else []), *COSTS]
     digits_of = decimals(compared)
     cells, bold = [], set()
     for number, row in enumerate(compared.rows):
@@ -65,7 +91,7 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
     spread = f"the means of {len(seeds)} seeds ({', '.join(map(str, seeds))})" if compared.over_seeds else "the objects"
     sizes = " or ".join(dict.fromkeys(f"{run.data.points} points to {run.data.truth}" for run in runs))
     note = (
-        f"{len(runs[0].objects)} objects, {data.split} split of {data.shapes}; {sizes}; "
+        f"{counted(len(runs[0].objects), 'object')}, {data.split} split of {data.shapes}; {sizes}; "
         f"{data.normalisation.removesuffix('.')}. Mean ± sample standard deviation over {spread}; lower is better. "
     )
     if compared.tested > 1:
@@ -74,6 +100,8 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
         networks = [row for row in rows if row.efficiencies is not None]
         fewer = [f"{row.label} {', '.join(map(str, row.seeds))}" for row in networks if row.seeds != seeds]
         note += f"Fewer seeds: {'; '.join(fewer)}. " if fewer else ""
+    if stopped := [text for row in rows if (text := _early_stopping(row))]:
+        note += f"Early stopping: {'; '.join(stopped)}. "
     if compared.left_out:
         note += f"Left out: {'; '.join(compared.left_out)}. "
     if any(row.published for row in rows):
@@ -87,6 +115,15 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
         if row.other_code is not None:
             note += f" {MARK} {row.label}: old weights with new code, {row.other_code}."
     return note
+
+
+def _early_stopping(row: Row) -> str:
+    """Steps of the weights that early stopping kept; empty for baselines and other trainings."""
+    if row.efficiencies is None:
+        return ""
+    trainings = [run.training for run in row.runs if run.training.best_step is not None]
+    kept = dict.fromkeys(f"{training.best_step} of {training.steps}" for training in trainings)
+    return f"{row.label} weights of step {', '.join(kept)}" if kept else ""
 
 
 def _differences_from_first(compared: Comparison) -> TextTable | None:
@@ -105,15 +142,17 @@ def _differences_from_first(compared: Comparison) -> TextTable | None:
     objects = len(first.runs[0].objects)
     heads = ["", *(scaled(metric, note.scale) for metric, note in compared.metrics.items())]
     note = (
-        f"Mean difference from {first.label}, paired over {objects} objects in the mean over seeds; negative is "
-        f"better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the objects; it "
-        f"does not cover the variation between seeds. p: Wilcoxon signed-rank test, after Holm's correction for all "
-        f"pairs of {compared.tested} rows. Wins: objects on which the row is better"
+        f"Mean difference from {first.label}, paired over {counted(objects, 'object')} in the mean over seeds; "
+        f"negative is better. In brackets: its {CONFIDENCE:.0%} interval, by {RESAMPLES:,} bootstrap samples of the "
+        f"objects; it does not cover the variation between seeds. p: Wilcoxon signed-rank test, after Holm's "
+        f"correction for all pairs of {compared.tested} rows. Wins: objects on which the row is better"
     )
     if any(one is not None and one.better_seeds is not None for each in compared.differences.values() for one in each):
         note += "; seeds: those with which its mean is lower"
     if smallest_p(objects, compared.tested) >= LEVEL:
-        note += f". {objects} objects are too few for any significant difference between {compared.tested} rows"
+        verb = "is" if objects == 1 else "are"
+        note += f". {counted(objects, 'object')} {verb} too few for any significant difference "
+        note += f"between {compared.tested} rows"
     return TextTable(f"Differences from {first.label}", heads, cells, f"{note}.")
 
 

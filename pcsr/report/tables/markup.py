@@ -22,35 +22,41 @@ _LATEX = (
     }
     | {character: f"${character}$" for character in "<>|"}
 )
+_FITTED = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 COLUMNS = (
-    *("row", "seeds", "objects", "metric", "scale", "mean", "sd", "sd_over", "best", "compared_with", "difference"),
-    *("ci_low", "ci_high", "p_holm", "wins", "published", "parameters", "seconds_per_cloud", "seconds_per_epoch"),
+    *("row", "seeds", "objects", "metric", "multiplied_by", "mean", "sd", "sd_over", "best", "compared_with"),
+    *("difference", "ci_low", "ci_high", "p_holm", "wins", "seeds_better", "published", "touch_efficiency"),
+    *("parameters", "seconds_per_cloud", "seconds_per_epoch"),
 )
-"""Columns of the CSV file."""
+"""Columns of the CSV file, which docs/comparing.md describes."""
 
 
 def latex(tables: Sequence[TextTable], label: str) -> str:
-    """LaTeX source of tables, each a `table` with caption and label. It needs the package booktabs.
+    """LaTeX source of tables, each a `table` with caption, label, and its note below. Needs booktabs and graphicx.
+
+    A table that is wider than the column is scaled down to it.
 
     Args:
-        tables: tables of `comparison_tables.tables`.
+        tables: tables of `comparison_tables.paper_tables`.
         label: label of the first table; those of the others end in a number.
     """
     parts = [_latex_table(table, f"tab:{label}" + (f"-{k}" if k > 1 else "")) for k, table in enumerate(tables, 1)]
-    return "% \\usepackage{booktabs}\n" + "\n".join(parts)
+    return "% \\usepackage{booktabs,graphicx}\n" + "\n".join(parts)
 
 
 def _latex_table(table: TextTable, label: str) -> str:
+    end = r" \\ \addlinespace" if any("\n" in cell for row in table.cells for cell in row) else r" \\"
     lines = [" & ".join(map(_latex_text, table.heads)) + r" \\", r"\midrule"]
     for i, row in enumerate(table.cells):
-        lines.append(" & ".join(_latex_cell(cell, (i, k) in table.bold, k) for k, cell in enumerate(row)) + r" \\")
+        lines.append(" & ".join(_latex_cell(cell, (i, k) in table.bold, k) for k, cell in enumerate(row)) + end)
     body = "\n".join(lines)
-    caption = f"{_latex_text(table.title)}. {_latex_text(table.note)}"
     return (
         "\\begin{table}\n\\centering\n\\footnotesize\n\\setlength{\\tabcolsep}{4pt}\n"
-        f"\\caption{{{caption}}}\n\\label{{{label}}}\n\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n"
-        f"\\toprule\n{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
+        f"\\caption{{{_latex_text(table.title)}.}}\n\\label{{{label}}}\n\\smallskip\n"
+        f"{_FITTED}{{\\begin{{tabular}}{{l{'r' * (len(table.heads) - 1)}}}\n"
+        f"\\toprule\n{body}\n\\bottomrule\n\\end{{tabular}}}}\n\n\\smallskip\n"
+        f"\\parbox{{\\linewidth}}{{\\scriptsize {_latex_text(table.note)}}}\n\\end{{table}}\n"
     )
 
 
@@ -69,7 +75,8 @@ def _latex_text(text: str) -> str:
     """LaTeX of plain text. Signs of numbers become mathematical ones, and superscript digits powers."""
     text = "".join(_LATEX.get(character, character) for character in text)
     text = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"$^{{{found[0].translate(_SUPERSCRIPTS)}}}$", text)
-    return re.sub(r"(?<![\w}.])([-+])(?=\d)", r"$\1$", text)
+    text = re.sub(r"(?<![\w}.])([-+])(?=\d)", r"$\1$", text)
+    return re.sub(r"^[\[*]", r"{\g<0>}", text)  # after the end of a line they would be its option
 
 
 def markdown(tables: Sequence[TextTable]) -> str:
@@ -97,24 +104,27 @@ def _markdown_text(text: str) -> str:
 def comma_separated(compared: Comparison) -> str:
     """CSV of a comparison: a line for each row and metric, with unrounded numbers.
 
-    Values are multiplied by the column `scale`. A field is empty where there is no such number.
+    Values are those of the metric times the column `multiplied_by`. A field is empty where there is no such number.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    over = "seeds" if compared.over_seeds else "objects"
     for number, row in enumerate(compared.rows):
         for metric, note in compared.metrics.items():
             difference = compared.differences[metric][number]
             low, high = (None, None) if difference is None or difference.interval is None else difference.interval
             spread = row.spread(metric, over_seeds=compared.over_seeds)
+            over = None if spread is None else "seeds" if compared.over_seeds else "objects"
+            efficiencies = [one for one in row.efficiencies or () if one is not None]
             writer.writerow(
                 [
                     *(row.label, " ".join(map(str, row.seeds)), len(row.runs[0].objects), metric, note.scale),
                     *(row.mean(metric), spread, over, compared.best[metric] == number),
                     *(None if difference is None else compared.first.label, difference and difference.mean),
                     *(low, high, difference and difference.p_value, difference and difference.wins),
-                    *(row.published.get(metric), row.parameters, row.seconds, row.epoch),
+                    *(difference and difference.better_seeds, row.published.get(metric)),
+                    sum(efficiencies) / len(efficiencies) if efficiencies else None,
+                    *(row.parameters or None, row.seconds, row.epoch),
                 ]
             )
     return text.getvalue()

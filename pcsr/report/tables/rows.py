@@ -126,10 +126,14 @@ def _labels(names: Sequence[str]) -> list[str]:
 
 
 def _common_prefix(labels: Sequence[str]) -> str:
-    """Common beginning of all labels, up to a hyphen."""
+    """Common beginning of all labels, up to a hyphen that is not within a value, such as `fusion.cross-attention`."""
+    if len(labels) < 2:
+        return ""
     parts = zip(*(label.split("-")[:-1] for label in labels), strict=False)
-    equal = takewhile(lambda of_all: len(set(of_all)) == 1, parts)
-    return "".join(f"{first}-" for first, *_ in equal) if len(labels) > 1 else ""
+    equal = [first for first, *_ in takewhile(lambda of_all: len(set(of_all)) == 1, parts)]
+    while equal and "." in equal[-1] and not all("." in label.split("-")[len(equal)] for label in labels):
+        equal.pop()
+    return "".join(f"{part}-" for part in equal)
 
 
 def baselines(runs: Sequence[Results]) -> list[Row]:

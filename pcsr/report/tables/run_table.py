@@ -1,5 +1,6 @@
 """Table of one run's metrics for the terminal, with the numbers of the page."""
 
+from pcsr.counted import counted
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
 from pcsr.report.tables.scores import efficiency_cell, scaled, scores
 from pcsr.report.tables.significance import RULE
@@ -26,7 +27,7 @@ def table(results: Results) -> TextTable:
             line.append(f"{score}{change}{wins}")
         if results.touch is not None:
             line.append(efficiency_cell([results.touch.efficiency]) if i == 0 else "")
-        cells.append([*line, f"{method.parameters:,}", f"{method.seconds:.3g}"])
+        cells.append([*line, f"{method.parameters:,}" if method.parameters else "", f"{method.seconds:.3g}"])
     return TextTable(results.name, heads, cells, _note(results), frozenset(bold))
 
 
@@ -44,8 +45,8 @@ def few_steps(results: Results) -> str | None:
     if change is None or change <= 0 or steps is None or steps >= SHORT:
         return None
     return (
-        f"{results.methods[0].name} is worse than {results.baseline} in {metric}: its training had {steps} steps, and "
-        f"most networks need thousands; raise train.epochs or the number of objects"
+        f"{results.methods[0].name} is worse than {results.baseline} in {metric}: its training had "
+        f"{counted(steps, 'step')}, and most networks need thousands; raise train.epochs or the number of objects"
     )
 
 
@@ -71,7 +72,7 @@ def _protocol(results: Results) -> str:
     covered = f" on {data.coverage:.1%} of the surface" if data.touches and data.coverage is not None else ""
     conventions = "; ".join(f"{name}: {note.description}" for name, note in results.metrics.items())
     return (
-        f"{len(results.objects)} objects{size}, {data.split} split of {data.shapes}; {data.points} points "
+        f"{counted(len(results.objects), 'object')}{size}, {data.split} split of {data.shapes}; {data.points} points "
         f"({data.sampling}) and {data.touches} touches{covered} to {data.truth} points; seed {results.seed}. "
         f"{conventions}. Mean ± standard deviation over objects; lower is better."
     )

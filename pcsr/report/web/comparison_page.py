@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
+from pcsr.counted import counted
 from pcsr.report.colours import row_colours
 from pcsr.report.tables.comparison import Comparison
-from pcsr.report.tables.comparison_tables import tables
+from pcsr.report.tables.comparison_tables import paper_tables, tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.report.tables.settings import settings_that_differ
 from pcsr.report.web.difference_chart import difference_chart
@@ -40,7 +41,7 @@ def comparison_page(
             difference_chart(compared, colours),
             *(text_table(table, by_label) for table in others),
             "" if different is None else text_table(different, by_label, words=True),
-            _figures(figures),
+            _figures(figures, compared),
             _reports(compared.runs, folders, beside),
         )
     )
@@ -51,7 +52,7 @@ def _lead(compared: Comparison) -> str:
     """Number of runs, and the tables as files that the page holds."""
     written = {
         "csv": ("text/csv", comma_separated(compared)),
-        "tex": ("application/x-tex", latex(tables(compared), compared.name)),
+        "tex": ("application/x-tex", latex(paper_tables(compared), compared.name)),
         "md": ("text/markdown", markdown(tables(compared))),
     }
     links = ", ".join(
@@ -59,11 +60,10 @@ def _lead(compared: Comparison) -> str:
         f'{b64encode(text.encode()).decode()}">{name}</a>'
         for name, (suffix, (kind, text)) in zip(("CSV", "LaTeX", "Markdown"), written.items(), strict=True)
     )
-    count = len(compared.runs)
-    return f"{count} run{'s' if count != 1 else ''}. The tables as files: {links}."
+    return f"{counted(len(compared.runs), 'run')}. The tables as files: {links}."
 
 
-def _figures(figures: Mapping[str, bytes] | str) -> str:
+def _figures(figures: Mapping[str, bytes] | str, compared: Comparison) -> str:
     if isinstance(figures, str):
         return f'<section><h2>Figures</h2><p class="note">None: {html.escape(figures)}</p></section>'
     shown = "".join(
@@ -71,7 +71,10 @@ def _figures(figures: Mapping[str, bytes] | str) -> str:
         f'src="data:image/webp;base64,{b64encode(image).decode()}"></p>'
         for name, image in figures.items()
     )
-    return f"<section><h2>Figures</h2>{shown}</section>"
+    note = ""
+    if compared.over_seeds:
+        note = '<p class="note">Clouds are those of the first seed of each row; lines are of all seeds.</p>'
+    return f"<section><h2>Figures</h2>{note}{shown}</section>"
 
 
 def _reports(runs: Sequence[Results], folders: Sequence[Path], beside: Path) -> str:

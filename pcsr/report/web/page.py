@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from pcsr.counted import counted
 from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, TouchEffect
 from pcsr.report.colours import ERROR_SCALE
 from pcsr.report.tables.scores import efficiency_cell, group_means, scaled, scores
@@ -61,7 +62,7 @@ def _statement(results: Results) -> str:
             touches += f" on {100 * data.coverage:.3g} % of the true points"
     protocol = f"{results.methods[0].name} makes them {results.protocol}. " if results.protocol is not None else ""
     text = (
-        f"{count} objects{size} of {data.shapes}, split {data.split}{left_out}. "
+        f"{counted(count, 'object')}{size} of {data.shapes}, split {data.split}{left_out}. "
         f"{data.points} points (sampling: {data.sampling}) and {touches} become {data.truth} points ({data.rate}×). "
         f"{protocol}Clouds are {data.normalisation.removesuffix('.')}. "
         f"Numbers are mean ± sample standard deviation over the objects, of one training with seed {results.seed}; "
@@ -167,7 +168,7 @@ def _training(run: FinishedRun, charts: dict[str, Any]) -> str:
     """Section with the training curves, or with the origin of the weights if the run did not train."""
     training = run.results.training
     facts = [
-        *([f"{training.steps} steps"] if training.steps is not None else []),
+        *run.results.budget,
         *([_duration(training.seconds)] if training.seconds is not None else []),
         *([f"on {training.device}"] if training.device is not None else []),
         *([f"threads: {training.threads}"] if training.threads is not None else []),

@@ -36,7 +36,9 @@ def views(example: Example) -> dict[str, Any]:
         )
     for number, (name, cloud) in enumerate(example.predictions.items()):
         mean = float(errors[name].mean())
-        shown.append(view(f"{name}, mean error {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit)))
+        shown.append(
+            view(f"{name}, mean distance to the truth {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit))
+        )
         if number == 0 and len(example.input) >= FEWEST:
             expected = SCALE * expected_errors(example.input, cloud)
             title = f"expected error of {name}, mean {expected.mean():.3g} ×10⁻³"

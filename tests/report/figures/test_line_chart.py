@@ -34,6 +34,22 @@ def test_each_line_is_there_in_its_colour_with_its_numbers():
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0", "1", "2", "3"]
 
 
+@pytest.mark.parametrize(("least", "ticks"), [(1.1, 5), (0.001, 3)])
+def test_a_logarithmic_axis_fits_the_values(least, ticks):
+    lines = {"ours": ([2.0, 1.5, 1.2, least], None), "other": ([3.0, 2.8, 2.9, 2.7], None)}
+    (axes,) = draw_lines("t", "x", "y", X, lines, logarithmic=True).axes
+    low, high = axes.get_ylim()
+    assert axes.get_yscale() == "log"
+    assert 0.5 * least < low < least
+    assert 3 < high < 6
+    assert sum(low <= tick <= high for tick in axes.get_yticks()) >= ticks
+
+
+def test_a_logarithmic_axis_is_linear_where_a_value_is_not_above_0():
+    (axes,) = draw_lines("t", "x", "y", X, {"a": ([1.0, -2.0, 0.0, 1.0], None)}, logarithmic=True).axes
+    assert (axes.get_yscale(), axes.get_ylim()[0]) == ("linear", -2.0)
+
+
 def test_the_axis_reaches_below_nought_where_something_is_there():
     assert plot("t", "x", "y", X, {"a": ([1.0, -2.0, 0.0, 1.0], [0.0, 0.5, 0.0, 0.0])}).get_ylim()[0] == -2.5
 

@@ -85,6 +85,27 @@ def test_every_figure_that_there_is_something_for(pair):
     assert set(drawn) == {"closeups", "touches", "object-0", "object-1", "training", "over-touches"}
 
 
+def test_the_page_of_a_comparison_has_the_clouds_of_one_seed_of_each_row(
+    tmp_path, results, clouds, history, monkeypatch
+):
+    runs = []
+    for name, epochs in (("net", 3), ("other", 4)):
+        for seed in (1, 0):
+            folder = put(tmp_path, results, clouds, history, name=f"{name}-seed.{seed}", touches=2)
+            made = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+            made["seed"], made["recipe"]["train"]["epochs"] = seed, epochs
+            (folder / "results.json").write_text(json.dumps(made), encoding="utf-8")
+            runs.append(read_run(folder))
+    seen = []
+    monkeypatch.setattr(
+        paper, "closeups", lambda examples, networks: seen.append(networks) or closeups(examples, networks)
+    )
+    compared = report.comparison([run.results for run in runs], "study")
+    page = report.write_comparison(compared, runs, tmp_path).read_text(encoding="utf-8")
+    assert seen == [["net-seed.0", "other-seed.0"]]
+    assert "Clouds are those of the first seed of each row" in page
+
+
 def test_without_touches_and_history_there_is_no_figure_of_them(pair):
     (pair[0] / "metrics.jsonl").unlink()
     assert set(figures(pair[:1])) == {"closeups", "object-0", "object-1"}
@@ -158,7 +179,7 @@ def test_figure_6_sets_truth_input_and_every_method_side_by_side(pair):
     assert labels[:2] == ["(a) truth, 256 points", "(b) input, 64 points, 2 touches"]
     for letter, caption, (name, cloud) in zip("cdef", labels[2:], shared.example.predictions.items(), strict=True):
         mean = 1000 * distance(cloud, shared.example.truth).mean()
-        assert caption == f"({letter}) {name}, mean error {mean:.3g} ×10⁻³"
+        assert caption == f"({letter}) {name}, mean distance to the truth {mean:.3g} ×10⁻³"
 
 
 def test_the_colour_of_a_point_is_its_error(pair):
@@ -184,7 +205,7 @@ def charts(monkeypatch):
     """What charts are asked to show: x, lines and their colours by title."""
     asked = {}
 
-    def draw(title, x_label, y_label, x, lines, colours):
+    def draw(title, x_label, y_label, x, lines, colours, *, logarithmic=False):
         asked[title.partition(",")[0]] = (x, lines, colours)
 
     monkeypatch.setattr("pcsr.report.figures.curves.draw_lines", draw)

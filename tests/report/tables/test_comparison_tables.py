@@ -125,6 +125,20 @@ def test_labels_leave_out_what_all_begin_with(results, variant):
     assert [cells[0] for cells in made.cells][:2] == ["fusion.my.one", "fusion.my.other"]
 
 
+@pytest.mark.parametrize(
+    ("names", "labels"),
+    [
+        (["small-fusion.pu-net", "small-fusion.pu-gan"], ["fusion.pu-net", "fusion.pu-gan"]),
+        (["small-rate.2-fusion.pu-a", "small-rate.2-fusion.pu-b"], ["fusion.pu-a", "fusion.pu-b"]),
+        (["small-fusion.pu-a-rate.2", "small-fusion.pu-a-rate.4"], ["rate.2", "rate.4"]),
+        (["small-fusion.pu-a", "small-fusion.pu-a-b"], ["fusion.pu-a", "fusion.pu-a-b"]),
+    ],
+)
+def test_labels_have_whole_values(results, variant, names, labels):
+    made, *_ = compare([variant(results, name, model=name) for name in names], "compare")
+    assert [cells[0] for cells in made.cells][:2] == labels
+
+
 def test_names_are_whole_on_a_narrow_screen(results, variant):
     names = [f"a-{'long' * 6}-name-{number}" for number in range(2)]
     made, *_ = compare([variant(results, name, model=name) for name in names], "study")
@@ -183,6 +197,15 @@ def test_with_seeds_it_says_with_how_many_a_row_is_better(results, variant):
     _, made = compare(runs, "study")
     assert line(made, "b")["cd ×10³"].endswith("0/6 wins, 2/3 seeds")
     assert "seeds" not in line(made, "midpoint")["cd ×10³"]
+
+
+def test_the_weights_that_early_stopping_kept_are_named_by_row(results, variant):
+    runs = [variant(results, f"study-a-seed.{seed}", seed=seed, model=1) for seed in range(3)]
+    runs.append(variant(results, "study-b-seed.0", seed=0, model=2))
+    for run, best in zip(runs[:3], (16, 24, 16), strict=True):
+        run["training"] = {**run["training"], "steps": 96, "best_step": best}
+    note = compare(runs, "study")[0].note
+    assert "Early stopping: a weights of step 16 of 96, 24 of 96. " in note
 
 
 def test_a_row_with_fewer_seeds_and_runs_that_are_left_out_are_named(results, variant):

@@ -3,12 +3,16 @@
 import csv
 import io
 import re
+import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pcsr import report
+from pcsr.report.tables.comparison_tables import paper_tables
 from pcsr.report.tables.markup import COLUMNS, comma_separated, latex, markdown
 from pcsr.report.tables.text_table import TextTable
 from pcsr.results import parse_results
@@ -24,7 +28,7 @@ def compared(results, variant):
 
 def test_latex_has_the_cells_escaped_and_the_best_bold(compared):
     text = latex(report.tables(compared), "study")
-    (row,) = re.findall(r"^a\\_b & (.*) \\\\$", text, re.MULTILINE)
+    (row,) = re.findall(r"^a\\_b & (.*) \\\\ \\addlinespace$", text, re.MULTILINE)
     mean = f"{compared.rows[0].mean('cd'):.3f}"
     assert row.startswith(rf"\begin{{tabular}}[t]{{@{{}}r@{{}}}}\textbf{{{mean} $\pm$ ")
     assert r"\\ published 0.5\end{tabular}" in row
@@ -32,6 +36,42 @@ def test_latex_has_the_cells_escaped_and_the_best_bold(compared):
     assert r"mean squared distance, a $<$ b \& c" in text
     assert re.findall(r"\\label\{(.*)\}", text) == ["tab:study", "tab:study-2"]
     assert text.count(r"\toprule") == text.count(r"\midrule") == text.count(r"\bottomrule") == 2
+
+
+def test_tables_of_a_paper_have_captions_and_no_costs_that_were_not_published(results, variant):
+    made = [variant(results, "s-a", model=1), variant(results, "s-b", model=2)]
+    first, second = paper_tables(report.comparison([parse_results(one) for one in made], "s"))
+    assert first.heads == ["", "cd ×10³", "hd ×10³"]
+    assert first.title == "Errors on 6 test objects; lower is better"
+    assert second.title == "Differences from a"
+    assert "\n[" in second.cells[0][1]
+    made[1]["recipe"]["evaluate"]["published"] = {"s/epoch": 2.0}
+    whole = report.comparison([parse_results(one) for one in made], "s")
+    first, _ = paper_tables(whole)
+    assert first.heads == ["", "cd ×10³", "hd ×10³", "s/epoch"]
+    assert first.cells[1][3].endswith("published 2")
+    text = latex(paper_tables(whole), "s")
+    captions = re.findall(r"\\caption\{(.*)\}", text)
+    assert captions == ["Errors on 6 test objects; lower is better.", "Differences from a."]
+    assert "sample standard deviation" in text.partition(r"\end{tabular}")[2], "the note is below the table"
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed")
+@pytest.mark.parametrize("columns", ["onecolumn", "twocolumn"])
+def test_tables_fit_the_column_of_an_article(columns, results, variant, tmp_path):
+    names = ["s-[a]", "s-*b", "s-" + "long-name-" * 5]
+    for k in range(3):
+        results["metrics"][f"m{k}"] = results["metrics"]["cd"]
+        for method in results["methods"]:
+            method["values"][f"m{k}"] = method["values"]["cd"]
+    made = [parse_results(variant(results, name, model=name)) for name in names]
+    source = latex(paper_tables(report.comparison(made, "s")), "s")
+    head = rf"\documentclass[{columns}]{{article}}\usepackage{{booktabs,graphicx}}\begin{{document}}"
+    (tmp_path / "a.tex").write_text(f"{head}\n{source}\n\\end{{document}}\n", encoding="utf-8")
+    subprocess.run(["pdflatex", "-halt-on-error", "a.tex"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    log = (tmp_path / "a.log").read_text(encoding="latin-1")
+    assert "Output written on a.pdf" in log
+    assert not re.findall(r"Overfull \\hbox \(\d\d.*", log)
 
 
 @given(st.lists(st.lists(st.text("ab1.\\&%$#_{}~^<>|±×†–+-³⁻\n", max_size=9), min_size=2, max_size=2), min_size=1))
@@ -70,6 +110,27 @@ def test_csv_has_unrounded_numbers(compared):
     assert (float(second["difference"]), float(second["p_holm"])) == (difference.mean, difference.p_value)
     assert (float(second["ci_low"]), float(second["ci_high"])) == difference.interval
     assert (second["compared_with"], second["wins"], second["best"], second["seeds"]) == ("a_b", "0", "False", "0")
+
+
+def test_csv_has_seeds_touch_and_no_spread_that_is_none(results, touch, variant):
+    runs = [variant(results, f"s-{name}-seed.{k}", seed=k, model=name, factor=factor + 0.1 * k)
+            for name, factor in (("a", 1.0), ("b", 0.5)) for k in range(2)]  # fmt: skip
+    made = report.comparison([parse_results(one) for one in runs], "s")
+    lines = list(csv.DictReader(io.StringIO(comma_separated(made))))
+    by_row = {line["row"]: line for line in lines if line["metric"] == "cd"}
+    assert (by_row["b"]["seeds_better"], by_row["a"]["seeds_better"]) == ("2", "")
+    assert float(by_row["b"]["touch_efficiency"]) == pytest.approx(1 / 3)
+    assert (by_row["b"]["sd_over"], by_row["b"]["multiplied_by"]) == ("seeds", "1000")
+    midpoint = by_row["midpoint"]
+    empty = ("sd", "sd_over", "seeds_better", "touch_efficiency", "parameters")
+    assert not any(midpoint[key] for key in empty)
+
+
+def test_every_column_of_the_csv_is_documented():
+    text = (Path(__file__).parents[3] / "docs" / "comparing.md").read_text(encoding="utf-8")
+    table = text.partition("## The CSV file")[2].partition("\n## ")[0]
+    heads = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    assert re.findall(r"`(\w+)`", "".join(heads)) == list(COLUMNS)
 
 
 def test_files_are_written_in_each_format(compared, tmp_path):

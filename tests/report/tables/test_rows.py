@@ -40,8 +40,8 @@ def test_a_single_seed_has_no_spread_over_seeds(run):
 
 
 def test_labels_leave_out_what_all_begin_with(run):
-    rows = variants([run("study-fusion.a-x", model=1), run("study-fusion.a-y", model=2)], "study")
-    assert [row.label for row in rows] == ["x", "y"]
+    rows = variants([run("study-x-rate.2-fusion.a", model=1), run("study-x-rate.2-fusion.b", model=2)], "study")
+    assert [row.label for row in rows] == ["fusion.a", "fusion.b"]
 
 
 def test_rows_of_the_same_clouds_are_comparable(run, results):

@@ -36,6 +36,19 @@ def test_the_note_names_the_protocol_unless_the_results_are_older(results):
     assert " tapsr: as pcsr upsample. s/cloud:" in " ".join(printed(results).split())
 
 
+def test_a_method_without_a_network_has_no_number_of_parameters(results):
+    made = table(results)
+    column = made.heads.index("parameters")
+    assert [row[column] for row in made.cells] == ["1,234,567", "", ""]
+
+
+def test_a_single_object_is_in_the_singular(results):
+    results["objects"], results["groups"] = results["objects"][:1], results["groups"][:1]
+    for method in results["methods"]:
+        method["values"] = {metric: values[:1] for metric, values in method["values"].items()}
+    assert table(results).note.startswith("1 object of 60 mm, test split")
+
+
 def test_the_screen_shows_the_numbers(results):
     text = printed(results)
     for metric in results["metrics"]:

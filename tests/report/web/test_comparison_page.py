@@ -6,6 +6,7 @@ import re
 import pytest
 
 from pcsr import report
+from pcsr.report.tables.comparison_tables import paper_tables
 from pcsr.report.tables.markup import comma_separated, latex, markdown
 from pcsr.results import parse_results
 from pcsr.run_files import FinishedRun
@@ -79,6 +80,9 @@ def test_each_method_has_one_colour_and_each_cell_its_head(results, variant, wri
 
 def test_the_chart_has_each_interval_at_its_place(results, variant, write):
     runs = [variant(results, "study-a", model=1), variant(results, "study-b", model=2, factor=0.5)]
+    for run in runs:
+        run["methods"] = run["methods"][:1]
+    runs.append(variant(runs[0], "study-c", model=3, factor=1.3))
     text = write(runs)
     (panel,) = re.findall(r"<h3>hd ×10³</h3>(.*?)</div></div></div>", text)
     compared = report.comparison([parse_results(one) for one in runs], "study")
@@ -89,11 +93,28 @@ def test_the_chart_has_each_interval_at_its_place(results, variant, write):
     def at(value):
         return pytest.approx(4 + 92 * (value - low) / (high - low), abs=0.02)
 
-    assert [float(zero) for zero in re.findall(r'class="zero" style="left: ([\d.]+)%', panel)] == 3 * [at(0.0)]
+    assert [float(zero) for zero in re.findall(r'class="zero" style="left: ([\d.]+)%', panel)] == 2 * [at(0.0)]
+    assert "beyond" not in text.partition("<main>")[2]
     dots = [float(dot) for dot in re.findall(r'class="dot" style="left: ([\d.]+)%', panel)]
     assert dots == [at(one.mean) for one in differences]
     bars = re.findall(r'class="bar" style="left: ([\d.]+)%; right: calc\(100% - ([\d.]+)%\)', panel)
     assert [tuple(map(float, bar)) for bar in bars] == [tuple(map(at, one.interval)) for one in differences]
+
+
+def test_a_baseline_beyond_the_scale_of_the_networks_is_an_arrow(results, variant, write):
+    values = results["methods"][0]["values"]["cd"]
+    results["methods"] = [{**results["methods"][k], "values": {**results["methods"][k]["values"]}} for k in (0, 1, 2)]
+    results["methods"][1]["values"]["cd"] = [20 * value for value in values]
+    results["methods"][2]["values"]["cd"] = [0.9 * value for value in values]
+    text = write([variant(results, "study-a", model=1), variant(results, "study-b", model=2, factor=0.8)])
+    (panel,) = re.findall(r"<h3>cd ×10³</h3>(.*?)</div></div></div>", text)
+    network, far, near, ticks = panel.split('<div class="line')[1:]
+    assert "beyond" not in network + near
+    assert 'class="dot"' not in far
+    assert 'class="bar"' not in far
+    assert re.search(r'class="beyond" style="right: 0; color: #\w+">▶', far)
+    assert float(re.search(r'class="bar" style="left: ([\d.]+)%', network)[1]) == pytest.approx(4, abs=0.02)
+    assert 'style="left: 0; transform: none"' in ticks, "an end's number does not leave the box"
 
 
 def test_the_tables_can_be_taken_from_the_page(results, variant, write):
@@ -104,7 +125,7 @@ def test_the_tables_can_be_taken_from_the_page(results, variant, write):
     compared = report.comparison([parse_results(one) for one in runs], "study")
     decoded = {name: base64.b64decode(content).decode() for name, content in files.items()}
     assert decoded["study.csv"] == comma_separated(compared)
-    assert decoded["study.tex"] == latex(report.tables(compared), "study")
+    assert decoded["study.tex"] == latex(paper_tables(compared), "study")
     assert decoded["study.md"] == markdown(report.tables(compared))
 
 

@@ -130,7 +130,7 @@ def test_ready_trained_weights_are_said_to_be(draw):
     page = draw(history=None)
     (text,) = page.texts("section", id="training")
     assert "ready-trained" in text
-    assert "shipped weights. Training: 9000 steps, 60.0 minutes, on 1 x cpu." in text
+    assert "shipped weights. Training: 10 epochs, 9000 steps, 60.0 minutes, on 1 x cpu." in text
     assert set(drawn(page)["charts"]) == {"groups"}
     assert "ready-trained" not in draw().texts("section", id="training")[0]
 
