@@ -34,7 +34,8 @@ REPLACED = 0.15
 RATES, MOST = (2, 4, 4, 4, 8, 16), 12_000
 """Rates of the training clouds, and the largest number of their points at rates above 4."""
 OTHERS = ("midpoint", "tapsr", "frames", "pu-transformer")
-"""Models of which one upsamples each training cloud, besides the default one."""
+"""Models of which one upsamples each training cloud, besides the default one and interpolation."""
+INTERPOLATION = "midpoint"
 Points = np.ndarray
 
 

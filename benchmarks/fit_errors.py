@@ -2,10 +2,10 @@
 
 python benchmarks/fit_errors.py WORK [--clouds 2400] [--save]
 
-Clouds are upsampled by the default model and by another one each; WORK keeps them with the true errors of some points,
-so that the command continues after an interruption. One network is fitted to all points, another one to those whose
-errors the default model predicts. A fifth of the clouds, those of other shapes, show the loss on unseen ones; the
-networks that are saved are fitted to all.
+Clouds are upsampled by the default model, by another one, and every fourth by interpolation too; WORK keeps them with
+the true errors of some points, so that the command continues after an interruption. One network is fitted to all
+points, another one to those whose errors the default model predicts. A fifth of the clouds, those of other shapes, show
+the loss on unseen ones; the networks that are saved are fitted to all.
 """
 
 import json
@@ -26,10 +26,13 @@ from pcsr.plugins.loading import load_plugins
 from pcsr.uncertainty.features import PREDICTED, Patch, features, of_prediction
 from pcsr.uncertainty.fitted import FILE
 from pcsr.uncertainty.quantile_network import LIMIT, RESOLUTION
+from pcsr.upsample.candidates import Candidates
 from pcsr.weights import DEFAULT
 
 QUANTILE = 0.68
 """Share of the points that lie within their expected error."""
+EVERY = 4
+"""Every so many clouds, one is upsampled by interpolation too."""
 EACH = 500
 """Number of points of a cloud and model that are fitted."""
 HIDDEN = 64
@@ -61,29 +64,40 @@ def make(work: Path, count: int) -> list[Path]:
     """Make the samples that the folder lacks, and return the files of all."""
     work.mkdir(parents=True, exist_ok=True)
     shapes = {name: load_plugins().get("shapes", name)() for name in sorted(set(error_clouds.SHAPES))}
-    models = error_clouds.sources_of([DEFAULT, *error_clouds.OTHERS])
-    missing = [number for number in range(count) if not (work / name_of(number, 1)).exists()]
+    models = error_clouds.sources_of([DEFAULT, error_clouds.INTERPOLATION, *error_clouds.OTHERS])
+    wanted = {number: [work / name for name in names_of(number)] for number in range(count)}
+    missing = [number for number, files in wanted.items() if not files[-1].exists()]
     for number, case, rng in error_clouds.usable(track(missing, "clouds", transient=True), shapes):
-        for which, model in enumerate((DEFAULT, str(rng.choice(error_clouds.OTHERS)))):
-            rate = error_clouds.random_rate(len(case.points), rng)
-            added = error_clouds.upsampled(case, models[model], rate, keep=rng.random() >= error_clouds.REPLACED)
-            chosen = rng.permutation(len(added.points))[:EACH]
-            errors = error_clouds.distances(added.points[chosen], case.mesh)
-            removed = np.array(case.removed)
-            sample = Sample(case.points, removed, added.points, added.predicted, chosen, errors)
-            write_whole(work / name_of(number, which), lambda part, sample=sample: _save(part, vars(sample)))
-    files = [work / name_of(number, which) for number in range(count) for which in (0, 1)]
-    return [file for file in files if file.exists()]
+        other, own = str(rng.choice(error_clouds.OTHERS)), rng.spawn(1)[0]
+        first, second, *third = wanted[number]
+        if not second.exists():
+            _save(first, sample(case, models[DEFAULT], rng))
+            _save(second, sample(case, models[other], rng))
+        for file in third:
+            _save(file, sample(case, models[error_clouds.INTERPOLATION], own))
+    return [file for files in wanted.values() for file in files if file.exists()]
 
 
-def name_of(number: int, which: int) -> str:
-    """The name of the file of a cloud and one of its two models."""
-    return f"{number:05d}-{which}.npz"
+def sample(case: error_clouds.Case, source: Candidates, rng: np.random.Generator) -> Sample:
+    """A cloud that is upsampled at a random rate, and the errors of some of the new points."""
+    rate = error_clouds.random_rate(len(case.points), rng)
+    added = error_clouds.upsampled(case, source, rate, keep=rng.random() >= error_clouds.REPLACED)
+    chosen = rng.permutation(len(added.points))[:EACH]
+    errors = error_clouds.distances(added.points[chosen], case.mesh)
+    return Sample(case.points, np.array(case.removed), added.points, added.predicted, chosen, errors)
 
 
-def _save(part: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    with part.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+def names_of(number: int) -> list[str]:
+    """The names of a cloud's files: of the default model, of another one, and of interpolation at some clouds."""
+    return [f"{number:05d}-{which}.npz" for which in range(2 if number % EVERY else 3)]
+
+
+def _save(path: Path, sample: Sample) -> None:
+    def written(part: Path) -> None:
+        with part.open("wb") as file:
+            np.savez_compressed(file, **vars(sample))
+
+    write_whole(path, written)
 
 
 def stacked(clouds: Sequence[Mapping[str, np.ndarray]], names: Sequence[str]) -> tuple[torch.Tensor, torch.Tensor]:

@@ -16,6 +16,8 @@ import cog
 
 NUMBERS = Path(__file__).parent / "numbers"
 MESHES = (".obj", ".off", ".stl", ".glb")
+EXACT = 1e-5
+"""True errors below this share of the largest ones are those of rounding."""
 EXTRAS = {".pcd": "pcd", ".las": "las", ".laz": "las", ".e57": "e57"}
 
 
@@ -45,16 +47,22 @@ def reliability(name: str, kind: str) -> None:
 
 
 def calibration(name: str) -> None:
-    """Each kind of cloud and model: the points, the share within their expected error, and that of each bin."""
+    """Each kind of cloud and model: the points, the share within their expected error, and that of each bin.
+
+    Shares of bins whose points lie on the surface up to rounding are in parentheses, and are not counted.
+    """
     rows = _rows(name)
     made = []
     for kind, model in dict.fromkeys((row[0], row[1]) for row in rows):
         of_both = [row for row in rows if row[:2] == [kind, model]]
         counts, shares = ([int(row[column]) for row in of_both] for column in (3, 6))
         mean = sum(count * share for count, share in zip(counts, shares, strict=True)) / sum(counts)
-        near = sum(abs(share - 68) <= 5 for share in shares)
-        name = f"`{model}`" if model != "registration" else model
-        made.append([kind, name, f"{sum(counts):,}", f"{mean:.0f} %", *map(str, shares), str(near)])
+        least = EXACT * max(float(row[5]) for row in of_both)
+        inexact = [float(row[5]) >= least for row in of_both]
+        cells = [str(share) if any_error else f"({share})" for share, any_error in zip(shares, inexact, strict=True)]
+        near = sum(abs(share - 68) <= 5 for share in itertools.compress(shares, inexact))
+        shown = f"`{model}`" if model != "registration" else model
+        made.append([kind, shown, f"{sum(counts):,}", f"{mean:.0f} %", *cells, f"{near} of {sum(inexact)}"])
     table(["clouds", "model", "points", "within", *map(str, range(1, 11)), "68 ± 5"], made)
 
 

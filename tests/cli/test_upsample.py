@@ -103,6 +103,17 @@ def test_the_expected_error_is_a_column_of_every_format_that_has_columns(tmp_pat
     np.testing.assert_allclose(errors, expected, rtol=1e-4)
 
 
+def test_with_denoise_the_given_points_have_half_of_the_noise_as_error(tmp_path):
+    points = bowl(1500) + 0.03 * np.random.default_rng(1).normal(size=(1500, 3))
+    write_points(tmp_path / "in.xyz", points)
+    command = ("upsample", tmp_path / "in.xyz", "-o", tmp_path / "out.ply", "--model", "midpoint", "--rate", 2)
+    done = run(*command, "--denoise", 0.03, "--fields", "error")
+    assert done.exit_code == 0, done.output
+    dense = read_cloud(tmp_path / "out.ply")
+    np.testing.assert_allclose(dense.columns["error"][:1500], 0.015, rtol=1e-5)
+    assert 0.003 < np.median(dense.columns["error"][1500:]) < 0.03
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".pts"])
 def test_a_format_without_columns_is_refused_before_the_work(tmp_path, suffix):
     write_points(tmp_path / "in.xyz", bowl())
