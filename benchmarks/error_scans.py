@@ -1,6 +1,6 @@
 """Clouds of test shapes, and touches of them: what benchmarks/expected_errors.py measures expected errors on."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,7 @@ PARTS = {
     "parts, 2048 random, 1 % noise, --denoise": ("data.points=2048", "data.rate=4"),
 }
 """Kinds of clouds of parts, with the settings of the recipe."""
+TOGETHER = "parts, all kinds together"
 SHAPES = ("PU-GAN's shapes", "PU-GAN's shapes, 1 % noise")
 TOUCHED = "touched points, arm of 1 mm and 2°"
 
@@ -95,6 +96,11 @@ def upsampled(model: pcsr.Model, scan: Scan) -> Errors:
     dense = model.upsample(Cloud(scan.points), rate=RATE, fields=["error"], denoise=scan.denoise)
     new = len(scan.points)
     return Errors(dense.columns["error"][new:], distances(dense.points[new:], scan.mesh))
+
+
+def joined(some: Sequence[Errors]) -> Errors:
+    """The errors of several clouds of one shape as one."""
+    return Errors(*(np.concatenate([getattr(one, name) for one in some]) for name in ("expected", "true")))
 
 
 def touched(count: int) -> Iterator[Errors]:

@@ -4,10 +4,10 @@ python benchmarks/expected_errors.py [pugan21.npz] [--parts 24] [--models field,
 
 The parts are those of pcsr/recipes/touch/parts.yaml, the test split, scaled to 30 mm: 512 points, at random or as depth
 cameras see them, 4x. Noise is Gaussian, in percent of the radius of the cloud: on each axis, or along the rays of
-cameras. With FILE, PU-GAN's shapes too: 2048 points, 4x, scaled to a radius of 1. The last rows are of touched points
-after their registration, four touches of a DIGIT for each part. Bins have equal numbers of points. The standard error
-of a share is that over the shapes, by 200 resamplings. The networks that predict the errors were fitted to other shapes
-(benchmarks/fit_errors.py).
+cameras. All kinds of clouds of parts are also measured together. With FILE, PU-GAN's shapes too: 2048 points, 4x,
+scaled to a radius of 1. The last rows are of touched points after their registration, four touches of a DIGIT for each
+part. Bins have equal numbers of points. The standard error of a share is that over the shapes, by 200 resamplings. The
+networks that predict the errors were fitted to other shapes (benchmarks/fit_errors.py).
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,18 @@ from pathlib import Path
 
 import click
 import numpy as np
-from error_scans import PARTS, SHAPES, TOUCHED, Errors, scans_of_parts, scans_of_shapes, touched, upsampled
+from error_scans import (
+    PARTS,
+    SHAPES,
+    TOGETHER,
+    TOUCHED,
+    Errors,
+    joined,
+    scans_of_parts,
+    scans_of_shapes,
+    touched,
+    upsampled,
+)
 from reliability_chart import BINS, COLUMNS, draw
 from rich.console import Console
 from rich.progress import track
@@ -62,10 +73,16 @@ def main(file: Path | None, count: int, models: str, saving: bool) -> None:
 
     try:
         loaded = [pcsr.load(name) for name in models.split(",")]
+        of_parts: dict[str, list[list[Errors]]] = {model.name: [] for model in loaded}
         for kind in track([*PARTS, *(SHAPES if file else ())], "kinds", console=Console(stderr=True), transient=True):
             scans = list(scans_of_parts(kind, count) if kind in PARTS or file is None else scans_of_shapes(file, kind))
             for model in loaded:
-                measured(kind, model.name, [upsampled(model, scan) for scan in scans])
+                found = [upsampled(model, scan) for scan in scans]
+                measured(kind, model.name, found)
+                if kind in PARTS:
+                    of_parts[model.name].append(found)
+        for name, kinds in of_parts.items():
+            measured(TOGETHER, name, [joined(of_part) for of_part in zip(*kinds, strict=True)])
         measured(TOUCHED, "registration", list(touched(count)))
     except PcsrError as error:
         raise click.ClickException(str(error)) from error

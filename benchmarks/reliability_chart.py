@@ -10,7 +10,7 @@ from pcsr.report.figures.canvas import encoded, new_figure
 BINS = 10
 COLUMNS = ("clouds", "model", "bin", "points", "expected error", "true error, 68 %", "within, %", "± %")
 MARKERS = "osD^"
-ACROSS = 4
+ACROSS = 3
 """Number of panels in a row."""
 LEAST = 1e-3
 """Smallest error that is drawn, in units of the largest one of its panel."""

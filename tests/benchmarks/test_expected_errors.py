@@ -127,8 +127,11 @@ def test_the_table_has_the_bins_of_each_kind_and_model_and_there_is_a_picture(tm
     assert done.exit_code == 0, done.output
     ((name, command, columns, rows),) = saved
     assert (name, command) == ("expected-errors", "python benchmarks/expected_errors.py --save")
-    assert [row[0] for row in rows[::10]] == ["parts, random", "parts, random, 1 % noise", scans.TOUCHED]
-    assert [int(row[2]) for row in rows] == list(range(1, 11)) * 3
+    kinds = ["parts, random", "parts, random, 1 % noise", scans.TOGETHER, scans.TOUCHED]
+    assert [row[0] for row in rows[::10]] == kinds
+    assert [int(row[2]) for row in rows] == list(range(1, 11)) * 4
+    points = [sum(int(row[3]) for row in rows if row[0] == kind) for kind in kinds[:3]]
+    assert points[2] == points[0] + points[1]
     assert len(columns) == len(rows[0])
     assert (tmp_path / "pictures" / "reliability.png").read_bytes().startswith(b"\x89PNG")
 
