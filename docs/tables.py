@@ -16,6 +16,8 @@ import cog
 
 NUMBERS = Path(__file__).parent / "numbers"
 MESHES = (".obj", ".off", ".stl", ".glb")
+EXACT = 1e-5
+"""True errors below this share of the largest ones are those of rounding."""
 EXTRAS = {".pcd": "pcd", ".las": "las", ".laz": "las", ".e57": "e57"}
 
 
@@ -29,6 +31,48 @@ def numbers(*names: str) -> None:
     """Measured tables of one set of columns, one below the other: docs/numbers/NAME.json."""
     found = [json.loads((NUMBERS / f"{name}.json").read_text(encoding="utf-8")) for name in names]
     table(found[0]["columns"], [row for one in found for row in one["rows"]])
+
+
+def reliability(name: str, kind: str) -> None:
+    """Expected errors of a kind of cloud in ten bins: the median of each bin, and the share of points within."""
+    rows = _rows(name)
+    models = list(dict.fromkeys(row[1] for row in rows if row[0] == kind))
+    found = {(row[1], row[2]): row for row in rows if row[0] == kind}
+    bins = [row[2] for row in rows if row[:2] == [kind, models[0]]]
+    columns = [f"{what}, `{model}`" for model in models for what in ("expected", "within")]
+    cells = [[one for model in models for one in _bin(found[model, number])] for number in bins]
+    points = [found[models[0], number][3] for number in bins]
+    made = [[number, *row, count] for number, row, count in zip(bins, cells, points, strict=True)]
+    table(["bin", *columns, "points each"], made)
+
+
+def calibration(name: str) -> None:
+    """Each kind of cloud and model: the points, the share within their expected error, and that of each bin.
+
+    Shares of bins whose points lie on the surface up to rounding are in parentheses, and are not counted.
+    """
+    rows = _rows(name)
+    made = []
+    for kind, model in dict.fromkeys((row[0], row[1]) for row in rows):
+        of_both = [row for row in rows if row[:2] == [kind, model]]
+        counts, shares = ([int(row[column]) for row in of_both] for column in (3, 6))
+        mean = sum(count * share for count, share in zip(counts, shares, strict=True)) / sum(counts)
+        least = EXACT * max(float(row[5]) for row in of_both)
+        inexact = [float(row[5]) >= least for row in of_both]
+        cells = [str(share) if any_error else f"({share})" for share, any_error in zip(shares, inexact, strict=True)]
+        near = sum(abs(share - 68) <= 5 for share in itertools.compress(shares, inexact))
+        shown = f"`{model}`" if model != "registration" else model
+        made.append([kind, shown, f"{sum(counts):,}", f"{mean:.0f} %", *cells, f"{near} of {sum(inexact)}"])
+    table(["clouds", "model", "points", "within", *map(str, range(1, 11)), "68 ± 5"], made)
+
+
+def _rows(name: str) -> list[list[str]]:
+    rows: list[list[str]] = json.loads((NUMBERS / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+    return rows
+
+
+def _bin(row: Sequence[str]) -> tuple[str, str]:
+    return row[4], f"{row[6]} ± {row[7]} %"
 
 
 def metrics() -> None:

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from pcsr.plugins.part_choice import PartChoice
     from pcsr.plugins.registry import Register
     from pcsr.registration import RegisteredTouch, Registration, register
+    from pcsr.uncertainty import expected_errors
     from pcsr.weights.file import read_card
 
 
@@ -58,6 +59,7 @@ _HOMES = {
     "Register": "pcsr.plugins.registry",
     **dict.fromkeys(("Model", "load"), "pcsr.model"),
     "evaluate": "pcsr.metrics.one_cloud",
+    "expected_errors": "pcsr.uncertainty",
     "read_card": "pcsr.weights.file",
     **dict.fromkeys(("export_onnx", "export_weights"), "pcsr.export"),
     **dict.fromkeys(("Choice", "Options"), "pcsr.options"),
@@ -132,6 +134,7 @@ __all__ = [
     "Widths",
     "__version__",
     "evaluate",
+    "expected_errors",
     "export_onnx",
     "export_weights",
     "graft",

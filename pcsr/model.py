@@ -20,7 +20,9 @@ from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
 from pcsr.plugins.loading import check_loaded, load_plugins, plugin_paths
 from pcsr.recipe import Recipe
+from pcsr.stages import TwoStages
 from pcsr.touches import GivenTouches, TouchesLike
+from pcsr.uncertainty.upsampled import given_errors, upsampled_errors
 from pcsr.upsample.candidates import Candidates, Midpoints, Networked, Stored
 from pcsr.upsample.denoised_cloud import denoise_cloud
 from pcsr.upsample.dense import densify
@@ -30,7 +32,7 @@ from pcsr.workers import worker_pool
 
 INTERPOLATION = "midpoint"
 """Name of the model that interpolates and needs no weights."""
-FIELDS = ("source",)
+FIELDS = ("source", "error")
 """Columns that the result can have on request."""
 RATES = (1.1, 64.0)
 """Smallest and largest rate."""
@@ -90,7 +92,9 @@ class Model:
             count: number of output points, instead of a rate.
             keep: whether the input points are part of the output, before the new points.
             fields: further columns of the result, if `points` is a `Cloud`. `source` is 0 for scanned points, 1 for
-                made ones, and 2 for touched points of unseen regions.
+                made ones, and 2 for touched points of unseen regions. `error` is the expected distance of each point
+                from the true surface, one standard deviation, in the unit of `points`; NaN for points that are not
+                used, and for touched points whose error is unknown.
             bad: treatment of points that are not finite, of sentinels such as many points at 0 0 0, and of far
                 outliers. "refuse" raises an error, "drop" removes them and copies of duplicates, "keep" keeps them in
                 the output and makes the new points as if they were not there.
@@ -137,8 +141,10 @@ class Model:
             given_touches = given_touches.in_frame(cloud)
         given_touches.check(cloud)
         power = exponent([cloud])
-        touched = given_touches.moved(given_touches.registration(cloud)).points(power)
+        given_touches = given_touches.moved(given_touches.registration(cloud))
+        touched = given_touches.points(power)
         cloud = scaled(cloud, -power)
+        errors, stages = None, TwoStages(advance, len(cloud) if "error" in fields else 0)
         with worker_pool(jobs, scheduler) as workers:
             source = candidates(self, alone=workers.executor is None)
             new = densify(
@@ -149,10 +155,24 @@ class Model:
                 normals=screened.normals,
                 keep=keep,
                 pool=workers,
-                advance=advance,
+                advance=stages.first,
             )
-        dense = screened.cloud.with_new(scaled(new, power), keep=keep, used=screened.used)
-        return given.restore(dense.with_source(sources(new, touched)) if "source" in fields else dense)
+            if "error" in fields:
+                errors = upsampled_errors(
+                    cloud,
+                    new,
+                    touches=touched,
+                    touch_errors=given_touches.errors(power),
+                    removed=float(np.ldexp(screened.removed, -power)),
+                    pool=workers,
+                    advance=stages.second,
+                )
+        dense = screened.cloud.with_new(scaled(new.points, power), keep=keep, used=screened.used)
+        every = None
+        if errors is not None:
+            of_given = given_errors(screened, scaled(errors.known, power)) if keep else np.zeros(0)
+            every = np.concatenate([of_given, scaled(errors.new, power)])
+        return given.restore(dense.with_fields(fields, sources(new.points, touched), every))
 
 
 def load(

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,8 @@ class GivenTouches:
     """Error of the poses; None if it is unknown."""
     as_is: bool
     """Whether no touch is registered."""
+    registered_errors: list[Float[np.ndarray, " _"]] = field(default_factory=list)
+    """Expected error of each point of each touch after the registration; empty if none was registered."""
 
     @classmethod
     def of(cls, touches: TouchesLike, pose_error: PoseError | None = None, *, as_is: bool = False) -> "GivenTouches":
@@ -55,8 +57,9 @@ class GivenTouches:
             UserError: the recording cannot be read, or a touch is no cloud.
         """
         if isinstance(touches, Registration):
-            used = [(index, one.touch) for index, one in enumerate(touches.touches) if one.verdict != "refused"]
-            return cls([touch for _, touch in used], [f"touch {index}" for index, _ in used], None, True)
+            used = [(index, one) for index, one in enumerate(touches.touches) if one.verdict != "refused"]
+            names, errors = [f"touch {index}" for index, _ in used], [one.errors for _, one in used]
+            return cls([one.touch for _, one in used], names, None, True, errors)
         if isinstance(touches, str | Path):
             from pcsr.recorded import read  # here, since its layouts are slow to import
 
@@ -72,7 +75,22 @@ class GivenTouches:
 
     def points(self, power: int) -> list[CloudPoints]:
         """Return the points of each touch, divided by 2^power."""
-        return [scaled(touch.points if isinstance(touch, Touch) else touch, -power) for touch in self.touches]
+        return [scaled(_points(touch), -power) for touch in self.touches]
+
+    def errors(self, power: int) -> list[Float[np.ndarray, " _"]]:
+        """Return the expected error of each point of each touch, divided by 2^power; NaN where it is unknown.
+
+        It is that of the registration, which contains the sensor's, or else that of the sensor alone. It is unknown for
+        arrays, and for touches that are used as they are if their sensor's is.
+        """
+        every = []
+        for index, touch in enumerate(self.touches):
+            own = touch.errors if isinstance(touch, Touch) else None
+            errors = self.registered_errors[index] if self.registered_errors else own
+            if errors is None or (own is None and not errors.any()):  # a pose that is taken as exact adds none
+                errors = np.full(len(_points(touch)), np.nan)
+            every.append(scaled(np.asarray(errors, np.float64), -power))
+        return every
 
     def check(self, cloud: Float[np.ndarray, "n 3"]) -> None:
         """Check that the touches have points and are in the frame and unit of the cloud.
@@ -101,7 +119,9 @@ class GivenTouches:
                 f"{len(mistakes)} of {len(self.touches)} touches are not used: {reasons}", PcsrWarning, stacklevel=3
             )
         kept = [index for index in range(len(self.touches)) if index not in mistakes]
-        return replace(self, touches=[self.touches[k] for k in kept], names=[self.names[k] for k in kept])
+        errors = [self.registered_errors[k] for k in kept] if self.registered_errors else []
+        touches, names = [self.touches[k] for k in kept], [self.names[k] for k in kept]
+        return replace(self, touches=touches, names=names, registered_errors=errors)
 
     def _mistakes(self, cloud: Float[np.ndarray, "n 3"]) -> dict[int, UserError]:
         """Return the errors of touches that are empty, not finite, far from the cloud or far too large, by index."""
@@ -157,13 +177,16 @@ class GivenTouches:
             return self
         registered = iter(registration.touches)
         touches: list[Touch | CloudPoints] = []
+        errors: list[Float[np.ndarray, " _"]] = []
         names, refused = [], []
         for touch, name in zip(self.touches, self.names, strict=True):
             one = next(registered) if isinstance(touch, Touch) else None
             if one is not None and one.verdict == "refused":
                 refused.append(f"{name}: {one.reason}")
                 continue
-            touches.append(touch if one is None else one.touch)
+            new = touch if one is None else one.touch
+            touches.append(new)
+            errors.append(np.full(len(_points(new)), np.nan) if one is None else one.errors)
             names.append(name)
         if refused and warn:
             warnings.warn(
@@ -171,7 +194,11 @@ class GivenTouches:
                 PcsrWarning,
                 stacklevel=4,
             )
-        return replace(self, touches=touches, names=names, as_is=True)
+        return replace(self, touches=touches, names=names, as_is=True, registered_errors=errors)
+
+
+def _points(touch: Touch | CloudPoints) -> CloudPoints:
+    return touch.points if isinstance(touch, Touch) else touch
 
 
 def _listed(reasons: Sequence[str]) -> str:

@@ -20,6 +20,7 @@ FLOORS = {
     "pcsr.run_folders": 4,
     "pcsr.upsample": 4,
     "pcsr.exploration": 6,
+    "pcsr.uncertainty": 4,
     "pcsr.network": 3,
     "pcsr.grafting": 3,
     "pcsr.data": 3,
@@ -42,6 +43,7 @@ FLOORS = {
     "pcsr.options": 0,
     "pcsr.ros": 0,
     "pcsr.progress": 0,
+    "pcsr.stages": 0,
     "pcsr.threads": 0,
     "pcsr.workers": 0,
     "pcsr.errors": 0,
@@ -81,6 +83,7 @@ SAME_FLOOR = {
     ("pcsr.metrics", "pcsr.plugins"),
     ("pcsr.network", "pcsr.grafting"),
     ("pcsr.testing", "pcsr.network"),
+    ("pcsr.uncertainty", "pcsr.upsample"),
 }
 PUBLIC = (
     "pcsr.exploration",

@@ -37,9 +37,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--fields",
-    type=click.Choice(["source"]),
+    type=click.Choice(["source", "error"]),
     multiple=True,
-    help="Add a column: source is 0 for scanned points, 1 for made ones, 2 for touched ones of unseen regions.",
+    help="Add a column: source is 0 for scanned points, 1 for made ones, 2 for touched ones of unseen regions; error "
+    "is the expected distance of each point from the true surface, one standard deviation. May be repeated.",
 )
 @click.option("--replace", is_flag=True, help="Write new points only, without the input points.")
 @click.option(
@@ -171,7 +172,8 @@ def upsample(
             else read_cloud(cloud, chosen, bad="keep", columns=columns)
         )
         given = screen(read, bad, name)
-    writable(target, given.cloud.with_source(np.zeros(0, np.int64)) if fields else given.cloud, bad=bad)
+    trial = given.cloud.with_fields(fields, np.zeros(0, np.int64), np.full(len(given.cloud), np.nan))
+    writable(target, trial, bad=bad)
     touches = RegistrationOutput(touch.read(), console, touch.report)
     if denoise is not None:
         jobs_then = jobs or default_jobs(len(given.points), device)

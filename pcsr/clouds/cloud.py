@@ -1,5 +1,6 @@
 """Point cloud with columns such as colours, and with the properties of its file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,12 +96,24 @@ class Cloud:
             columns = {name: np.concatenate([self.columns[name], column]) for name, column in columns.items()}
         return Cloud(points, columns, self.about)
 
-    def with_source(self, new: Int[np.ndarray, " m"]) -> "Cloud":
-        """Return the cloud with a further column `source`, or `source_2` if there is such a column.
+    def with_fields(
+        self, fields: Sequence[str], new_sources: Int[np.ndarray, " m"], errors: Float64[np.ndarray, " n"] | None = None
+    ) -> "Cloud":
+        """Return the cloud with further columns, in their order; `source` is `source_2` if there is such a column.
 
         Args:
-            new: source of each of the last m points, `MADE` or `TOUCHED`; the others are `SCANNED`.
+            fields: `source` and `error`, or one of them.
+            new_sources: source of each of the last m points, `MADE` or `TOUCHED`; the others are `SCANNED`.
+            errors: expected error of each point, in the unit of the cloud; NaN where it is unknown. The column has the
+                precision of the coordinates.
         """
-        source = np.full(len(self), SCANNED, np.uint8)
-        source[len(self) - len(new) :] = new
-        return Cloud(self.points, {**self.columns, unused("source", self.columns): source}, self.about)
+        columns = dict(self.columns)
+        for name in fields:
+            if name == "source":
+                column = np.full(len(self), SCANNED, np.uint8)
+                column[len(self) - len(new_sources) :] = new_sources
+            else:
+                known = np.full(len(self), np.nan) if errors is None else errors
+                column = known.astype(np.float32) if self.is_single else known
+            columns[unused(name, columns)] = column
+        return Cloud(self.points, columns, self.about)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pcsr.clouds.cloud import MADE, TOUCHED, Cloud
 from pcsr.clouds.faults import Bad
@@ -18,17 +19,24 @@ from pcsr.files import write_whole
 from pcsr.geometry.magnitude import exponent, scaled
 from pcsr.model import Model, candidates, output_count
 from pcsr.registration import Registration
-from pcsr.streaming.examples import with_new_points
+from pcsr.streaming.examples import WITHIN, with_new_points
 from pcsr.streaming.filling import SortedCloud, touches_near
+from pcsr.streaming.given_errors import BYTES, load_errors, save_errors
 from pcsr.streaming.registered import registered
 from pcsr.streaming.sorting import EXAMPLES, USED, Plan, Tile
 from pcsr.streaming.stored import unpacked
+from pcsr.streaming.tile_progress import TileProgress
 from pcsr.streaming.touched import Unseen
 from pcsr.streaming.work_folder import WorkFolder, check_room
 from pcsr.tensors import CloudArray
 from pcsr.touches import GivenTouches
+from pcsr.uncertainty.upsampled import upsampled_errors
+from pcsr.upsample.candidates import Generated
 from pcsr.upsample.dense import densify
 from pcsr.workers import WorkerPool
+
+NONE = np.zeros(0, np.int64)
+"""Sources of no new points."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,8 @@ class Job:
     """Coordinates are divided by 2^power while they are worked on."""
     touches: list[CloudArray]
     """Touched points, divided by 2^power."""
+    touch_errors: list[Float[np.ndarray, " _"]]
+    """Expected errors of these, divided by 2^power; NaN where they are unknown."""
     unseen: Unseen
     """Those of them that are added to the tiles."""
     new: int
@@ -95,17 +105,21 @@ class Job:
         few = unpacked(work.load(EXAMPLES), list(first.columns), first.about)
         check_finite_only(few, target.suffix, str(target))
         few = with_new_points(few)
-        few = few.with_source(np.zeros(0, np.int64)) if "source" in request.fields else few
+        few = few.with_fields(request.fields, NONE, np.resize([np.nan, WITHIN], len(few)))
         writer = row_writer(target.suffix.lower(), few, datetime.date.fromisoformat(plan.date))
         tiles = SortedCloud(work, plan, list(first.columns), first.about)
         corners = np.concatenate([tiles.lowers, tiles.uppers])
         power = exponent([corners])
         touches.check(corners)
-        touched = registered(touches, tiles, report).points(power)
+        given = registered(touches, tiles, report)
+        touched = given.points(power)
         patch = candidates(model, alone=True).size
         unseen = Unseen.of(tiles, touched, patch, power)
         unseen.warn(new)
-        return cls(model, cloud, work, target, request, tiles, writer, power, touched, unseen.first(new), new)
+        fitting = unseen.first(new)
+        return cls(
+            model, cloud, work, target, request, tiles, writer, power, touched, given.errors(power), fitting, new
+        )
 
     @property
     def kept(self) -> int:
@@ -126,7 +140,8 @@ class Job:
             RunError: it has not.
         """
         rest = self.written + sum(new for tile, new in self._shares() if not self.work.has(_result(tile)))
-        self.work.needed = rest * self.writer.row_size
+        of_errors = BYTES * self.cloud.plan.count if "error" in self.request.fields else 0
+        self.work.needed = rest * self.writer.row_size + of_errors
         check_room(self.work)
 
     def upsample(self, pool: WorkerPool, advance: Callable[[int, int], None]) -> None:
@@ -143,7 +158,7 @@ class Job:
         try:
             for index, (tile, new) in enumerate(self._shares()):
                 if not self.work.has(_result(tile)):
-                    rows = self._filled(index, tile, new, pool, _Part(done, tile.count, total, advance))
+                    rows = self._filled(index, tile, new, pool, TileProgress(done, tile.count, total, advance))
                     self.work.save(_result(tile), rows)
                 done += tile.count
                 advance(done, total)
@@ -180,7 +195,7 @@ class Job:
             yield tile, after * rest // total - before * rest // total + touched
             before = after
 
-    def _filled(self, index: int, tile: Tile, new: int, pool: WorkerPool, advance: "_Part") -> Rows:
+    def _filled(self, index: int, tile: Tile, new: int, pool: WorkerPool, advance: TileProgress) -> Rows:
         source = candidates(self.model, alone=pool.executor is None)
         own = self.cloud.own(tile)
         margin, width = self.cloud.margin(tile, own, source.size)
@@ -193,12 +208,13 @@ class Job:
         )
         normals = around.normals
         if normals is not None:
-            inner, outer = np.split(normals, [len(own)])
-            normals = np.concatenate([inner, np.zeros_like(touched), outer, np.zeros_like(others)])
+            first, second = np.split(normals, [len(own)])
+            normals = np.concatenate([first, np.zeros_like(touched), second, np.zeros_like(others)])
         core = len(own) + len(touched)
         count = new - len(touched)
+        inner, outer = scaled(own.points, -self.power), np.concatenate([scaled(margin.points, -self.power), others])
         made = densify(
-            np.concatenate([scaled(own.points, -self.power), touched, scaled(margin.points, -self.power), others]),
+            np.concatenate([inner, touched, outer]),
             core + count if self.request.keep else count,
             source,
             touches=touches_near(self.touches, tile, width, self.power),
@@ -208,41 +224,42 @@ class Job:
             pool=pool,
             advance=advance,
         )
-        points = scaled(np.concatenate([touched, made]), self.power)
+        added = Generated.joined([Generated.of(touched), made])
+        errors = None
+        if "error" in self.request.fields:
+            found = upsampled_errors(
+                np.concatenate([inner, outer]),
+                added,
+                touches=self.touches,
+                touch_errors=self.touch_errors,
+                core=len(own),
+                pool=pool,
+            )
+            save_errors(self.work, tile, scaled(found.known, self.power))
+            errors = scaled(found.new, self.power)
+        points = scaled(added.points, self.power)
         dense = around.with_new(points, keep=False, kinds=self.cloud.plan.column_kinds)
-        if "source" in self.request.fields:
-            dense = dense.with_source(np.repeat([TOUCHED, MADE], [len(touched), len(made)]))
-        return self.writer.rows(dense)
+        sources = np.repeat([TOUCHED, MADE], [len(touched), len(made.points)])
+        return self.writer.rows(dense.with_fields(self.request.fields, sources, errors))
 
     def _parts(self) -> Iterator[Rows]:
         """Yield the rows of the result: those of the input, then the new ones of each tile."""
         if self.request.keep:
+            errors = load_errors(self.work, self.cloud.plan) if "error" in self.request.fields else None
+            at = 0
             with self.work.raw_path(USED).open("rb") as file:
                 for chunk in self.input.chunks():
                     used = np.fromfile(file, np.uint8, len(chunk)).astype(bool)
-                    old = chunk.chosen(used) if self.request.bad == "drop" else chunk
-                    if "source" in self.request.fields:
-                        old = old.with_source(np.zeros(0, np.int64))
+                    here = None if errors is None else errors[at : at + len(chunk)].astype(np.float64)
+                    at += len(chunk)
+                    old = chunk.with_fields(self.request.fields, NONE, here)
+                    old = old.chosen(used) if self.request.bad == "drop" else old
                     if len(old):
                         yield self.writer.rows(old)
         for tile in self.cloud.plan.tiles:
             rows = self.work.load(_result(tile))
             for at in range(0, len(rows), CHUNK):
                 yield rows[at : at + CHUNK]
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Progress of one tile among the progress of all."""
-
-    before: int
-    count: int
-    total: int
-    advance: Callable[[int, int], None]
-
-    def __call__(self, done: int, total: int) -> None:
-        """Report the progress."""
-        self.advance(self.before + done * self.count // total, self.total)
 
 
 def _result(tile: Tile) -> str:

@@ -37,17 +37,22 @@ MOST_TOUCH_POINTS = 1 << 16
 
 @dataclass(frozen=True)
 class Generated:
-    """Candidates for a patch."""
+    """Generated points: candidates for a patch, or those that are chosen among them."""
 
     points: CloudArray
-    """(c 3), in the frame of the patch."""
+    """(c 3)."""
     errors: Float[np.ndarray, " c"]
-    """Predicted distance of each candidate from the surface, in the unit of the points; 0 where none is predicted."""
+    """Predicted distance of each point from the surface, in the unit of the points; 0 where none is predicted."""
 
     @classmethod
     def of(cls, points: CloudArray) -> "Generated":
-        """Create candidates without predicted errors."""
+        """Create points without predicted errors."""
         return cls(points, np.zeros(len(points)))
+
+    @classmethod
+    def joined(cls, parts: Sequence["Generated"]) -> "Generated":
+        """Put points one after the other."""
+        return cls(np.concatenate([part.points for part in parts]), np.concatenate([part.errors for part in parts]))
 
 
 class Candidates:

@@ -48,7 +48,7 @@ def denoise_cloud(
         copies = distance <= COPY * result.level
         points[unused[copies]] = result.points[nearest[copies]]
     points[given.used] = result.points
-    return ScreenedCloud(replace(given.cloud, points=points), given.used), result
+    return ScreenedCloud(replace(given.cloud, points=points), given.used, result.level), result
 
 
 def _checked(level: object, given: ScreenedCloud) -> float:

@@ -15,7 +15,7 @@ from pcsr.geometry.checks import check_cloud
 from pcsr.geometry.patches import patches
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
-from pcsr.upsample.candidates import Candidates
+from pcsr.upsample.candidates import Candidates, Generated
 from pcsr.upsample.passes import Pass, passes, weights
 from pcsr.upsample.patch import Task, fill
 from pcsr.upsample.unseen import unseen
@@ -43,7 +43,7 @@ def densify(
     core: int | None = None,
     pool: WorkerPool = ALONE,
     advance: Callable[[int, int], None] = lambda done, total: None,
-) -> Float[np.ndarray, "new 3"]:
+) -> Generated:
     """Generate the points that complete a cloud to `count` points.
 
     The cloud grows in passes, each by at most `GROWTH` or the rate of the source. Those before the last make it even;
@@ -71,8 +71,8 @@ def densify(
             number in all passes.
 
     Returns:
-        The new points. Touched points in regions without cloud points come first; the order of the others follows the
-        shape of the cloud.
+        The new points with their predicted errors, in the unit of the cloud. Touched points in regions without cloud
+        points come first; the order of the others follows the shape of the cloud.
 
     Raises:
         UserError: too few points, all of them on one spot, or a count that cannot be reached.
@@ -90,12 +90,12 @@ def densify(
         raise UserError(
             f"{count} points are fewer than the {n} of the cloud: ask for more, or don't keep the old ones (--replace)"
         )
-    parts: list[CloudArray] = []
+    parts: list[Generated] = []
     touched = unseen(cloud, touches) if core is None else np.zeros((0, 3))
     if len(touched):
         _warn_of_unseen(cloud, touched, new)
-        parts = [touched[:new]]
-        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0])
+        parts = [Generated.of(touched[:new])]
+        cloud, n, new = np.concatenate([cloud, touched]), n + len(touched), new - len(parts[0].points)
     if normals is None:
         normals = np.zeros((len(cloud), 3))
     start, plans = len(cloud), passes(n, new, source, keep)
@@ -105,13 +105,13 @@ def densify(
         _one_pass, normals=normals, source=source, touches=touches, pool=pool, advance=_counted(advance, total)
     )
     for plan in plans[:-1]:
-        added = one_pass(cloud, own, plan, fixed=len(cloud))
-        beside = one_pass(cloud, margin, plan.of_margin(len(margin)), fixed=len(cloud))
+        added = one_pass(cloud, own, plan, fixed=len(cloud)).points
+        beside = one_pass(cloud, margin, plan.of_margin(len(margin)), fixed=len(cloud)).points
         own = np.r_[own, len(cloud) + np.arange(len(added))]
         margin = np.r_[margin, len(cloud) + len(added) + np.arange(len(beside))]
         cloud = np.concatenate([cloud, added, beside])
     parts.append(one_pass(cloud, own, plans[-1], fixed=start if keep else 0))
-    return np.concatenate(parts) if len(parts) > 1 else parts[0]
+    return Generated.joined(parts) if len(parts) > 1 else parts[0]
 
 
 def _counted(advance: Callable[[int, int], None], total: int) -> Callable[[int], None]:
@@ -153,18 +153,19 @@ def _one_pass(
     touches: Sequence[CloudArray],
     pool: WorkerPool,
     advance: Callable[[int], None],
-) -> CloudArray:
+) -> Generated:
     """Return the new points of the rows of a cloud. The first `fixed` points of the cloud are fixed."""
-    added, at = np.zeros((plan.new, 3)), 0
+    added, errors, at = np.zeros((plan.new, 3)), np.zeros(plan.new), 0
     if len(rows) == 0:
-        return added
+        return Generated(added, errors)
     cores: deque[int] = deque()
     tasks = _tasks(cloud, rows, plan, fixed, normals, source, touches, cores)
     for filled in pool.map(functools.partial(fill, source), tasks):
-        added[at : at + len(filled)] = filled
-        at += len(filled)
+        part = slice(at, at + len(filled.points))
+        added[part], errors[part] = filled.points, filled.errors
+        at = part.stop
         advance(cores.popleft())
-    return added
+    return Generated(added, errors)
 
 
 def _tasks(

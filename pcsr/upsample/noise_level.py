@@ -20,7 +20,7 @@ WIDE = 6.0
 QUANTILES = (0.05, 0.1)
 """Quantiles of the residuals that are compared with those of noise. At edges and details, residuals are larger."""
 SAMPLE = 20_000
-"""Largest number of neighbourhoods, evenly spread over the rows."""
+"""Largest number of neighbourhoods by default, evenly spread over the rows."""
 BATCH = 2048
 """Number of neighbourhoods that are fitted at once. It bounds the memory."""
 LEAST = 0.05
@@ -34,7 +34,7 @@ KURTOSIS = 2.45
 
 
 @threads(1)
-def noise_level(points: Float[np.ndarray, "n 3"]) -> float:
+def noise_level(points: Float[np.ndarray, "n 3"], sample: int = SAMPLE) -> float:
     """Estimate the standard deviation of the noise across the surface.
 
     In neighbourhoods without edges and details, the sum of the squared residuals divided by the variance of the noise
@@ -45,6 +45,7 @@ def noise_level(points: Float[np.ndarray, "n 3"]) -> float:
     Args:
         points: the cloud, (n 3), without duplicates. A sample is taken at equal steps of the rows, so that their order
             should follow from the coordinates.
+        sample: largest number of neighbourhoods.
 
     Returns:
         The level in the unit of the cloud; 0 if there is none that differs from details, or fewer than 48 points.
@@ -53,7 +54,7 @@ def noise_level(points: Float[np.ndarray, "n 3"]) -> float:
     for sizes in SIZES:
         if len(points) < sizes[-1]:
             break
-        found = _Residuals.of(points, tree, sizes)
+        found = _Residuals.of(points, tree, sizes, sample)
         if found.of_sheets() or (level == 0 and found.of_details()):
             return 0.0
         level = found.limits[:2].min()
@@ -74,8 +75,8 @@ class _Residuals:
     """Median kurtosis for each of the sizes."""
 
     @classmethod
-    def of(cls, points: Float[np.ndarray, "n 3"], tree: cKDTree, sizes: Sequence[int]) -> "_Residuals":
-        rows = np.unique(np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).round().astype(int))
+    def of(cls, points: Float[np.ndarray, "n 3"], tree: cKDTree, sizes: Sequence[int], sample: int) -> "_Residuals":
+        rows = np.unique(np.linspace(0, len(points) - 1, min(sample, len(points))).round().astype(int))
         spacing, sums, kurtosis = np.zeros(len(rows)), np.zeros((3, len(rows))), np.full((3, len(rows)), 3.0)
         for start in range(0, len(rows), BATCH):
             batch = slice(start, start + BATCH)

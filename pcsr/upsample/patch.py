@@ -11,7 +11,7 @@ from pcsr.geometry.patches import cells
 from pcsr.geometry.spread_out import spread_out
 from pcsr.tensors import CloudArray
 from pcsr.threads import threads
-from pcsr.upsample.candidates import Candidates
+from pcsr.upsample.candidates import Candidates, Generated
 from pcsr.upsample.gaps import between, spacing, strays, touched_ones, within_reach
 from pcsr.upsample.neighbours import Neighbours
 from pcsr.upsample.noise import Quadrics
@@ -48,10 +48,10 @@ class Task:
 
 
 @threads(1)  # a Dask worker sets its own number of threads
-def fill(source: Candidates, task: Task) -> CloudArray:
-    """Generate the new points of a patch's core, in the patch's own frame."""
+def fill(source: Candidates, task: Task) -> Generated:
+    """Generate the new points of a patch's core, in the patch's own frame, and return them in that of the task."""
     if task.count == 0:
-        return np.zeros((0, 3))
+        return Generated.of(np.zeros((0, 3)))
     frame = OwnFrame.of(task.points)
     points = frame.normalize(task.points)
     order = np.concatenate([_sorted(points[: task.core]), task.core + _sorted(points[task.core :])])
@@ -89,7 +89,9 @@ def fill(source: Candidates, task: Task) -> CloudArray:
     if (unit > 0).all():
         predicted = ~touched[chosen]
         new[predicted] = Quadrics.fit(cloud, unit).displaced(new[predicted])
-    return frame.denormalize(np.concatenate([new, between(cloud, task.core, task.count - len(new))]))
+    rest = between(cloud, task.core, task.count - len(new))
+    predicted_errors = np.concatenate([errors[chosen], np.zeros(len(rest))])
+    return Generated(frame.denormalize(np.concatenate([new, rest])), frame.radius * predicted_errors)
 
 
 def _quotas(

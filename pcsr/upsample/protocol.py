@@ -55,7 +55,7 @@ def upsample_as(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PcsrWarning)
         new = densify(cloud, recipe.data.rate * len(cloud), source, touches=touched)
-    return np.concatenate([cloud, new])
+    return np.concatenate([cloud, new.points])
 
 
 def upsample_plainly(

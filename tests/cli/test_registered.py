@@ -11,7 +11,7 @@ from pcsr import PoseError, load
 from pcsr import touches as module
 from pcsr.cli import pcsr
 from pcsr.cli.registered import MOST_ROWS
-from pcsr.clouds.formats import read_points, write_points
+from pcsr.clouds.formats import read_cloud, read_points, write_points
 from pcsr.recorded import write
 from tests.registration import by_hand
 
@@ -72,6 +72,18 @@ def test_exact_poses_give_the_bytes_of_touches_as_they_are(folder, options):
     assert upsample("--touch-as-is", *options, out="trusted.npy").exit_code == 0
     assert upsample("--pose-error", "0,0", *options).exit_code == 0
     assert (folder / "out.npy").read_bytes() == (folder / "trusted.npy").read_bytes()
+
+
+@STREAMED
+def test_touched_points_have_the_error_of_their_registration_in_the_column(folder, made_by_hand, options):
+    write_points(folder / "scan.ply", by_hand.scan(100))
+    done = upsample("--fields", "source", "--fields", "error", *options, out="out.ply")
+    assert done.exit_code == 0, done.output
+    columns = read_cloud(folder / "out.ply").columns
+    touched = columns["source"] == 2
+    assert touched.sum() > 3
+    np.testing.assert_allclose(columns["error"][touched], 0.05, rtol=1e-6)
+    assert np.isfinite(columns["error"]).all()
 
 
 def test_the_error_of_the_command_is_taken_instead_of_the_recordings(folder, made_by_hand):

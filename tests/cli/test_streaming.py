@@ -34,6 +34,20 @@ def test_a_cloud_goes_from_disk_to_disk_and_the_progress_is_shown(scan, tmp_path
     np.testing.assert_array_equal(dense.columns["source"], np.repeat([0, 1], 400))
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".npy", ".las", ".laz"])
+def test_expected_errors_of_a_cloud_that_is_one_part_are_those_in_memory(tmp_path, suffix):
+    write_cloud(tmp_path / "scan.ply", sheet(400))
+    columns = []
+    for name, option in ("whole", "--no-stream"), ("parts", "--stream"):
+        out = tmp_path / f"{name}{suffix}"
+        done = run(tmp_path / "scan.ply", "-o", out, option, "--rate", 2, "--fields", "error", "--jobs", 1)
+        assert done.exit_code == 0, done.output
+        columns.append(list(read_cloud(out).columns.values())[-1])
+    np.testing.assert_allclose(*columns, rtol=1e-5)
+    assert (columns[0][:400] == 0).all()
+    assert 0 < columns[0][400:].min() <= columns[0][400:].max() < 1
+
+
 def test_quiet_prints_nothing(scan, tmp_path):
     done = run(scan, "-o", tmp_path / "out.ply", "--stream", "--rate", 2, "--quiet", "--jobs", 1)
     assert (done.exit_code, done.output) == (0, "")

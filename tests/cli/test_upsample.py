@@ -91,6 +91,39 @@ def test_every_format_goes_in_and_out(tmp_path, suffix):
     assert read_points(tmp_path / "b.npy").shape == (320, 3)
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".xyz", ".txt", ".csv", ".npy", ".npz", ".las", ".laz"])
+def test_the_expected_error_is_a_column_of_every_format_that_has_columns(tmp_path, suffix):
+    write_points(tmp_path / "in.xyz", bowl())
+    fields = ("--fields", "source", "--fields", "error")
+    done = run("upsample", tmp_path / "in.xyz", "-o", tmp_path / f"a{suffix}", "--model", "midpoint", *fields)
+    assert done.exit_code == 0, done.output
+    columns = read_cloud(tmp_path / f"a{suffix}").columns
+    errors = columns["c4" if suffix == ".npy" else "error"]
+    expected = load("midpoint").upsample(Cloud(bowl()), fields=["error"]).columns["error"]
+    np.testing.assert_allclose(errors, expected, rtol=1e-4)
+
+
+def test_with_denoise_the_given_points_have_half_of_the_noise_as_error(tmp_path):
+    points = bowl(1500) + 0.03 * np.random.default_rng(1).normal(size=(1500, 3))
+    write_points(tmp_path / "in.xyz", points)
+    command = ("upsample", tmp_path / "in.xyz", "-o", tmp_path / "out.ply", "--model", "midpoint", "--rate", 2)
+    done = run(*command, "--denoise", 0.03, "--fields", "error")
+    assert done.exit_code == 0, done.output
+    dense = read_cloud(tmp_path / "out.ply")
+    np.testing.assert_allclose(dense.columns["error"][:1500], 0.015, rtol=1e-5)
+    assert 0.003 < np.median(dense.columns["error"][1500:]) < 0.03
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".pts"])
+def test_a_format_without_columns_is_refused_before_the_work(tmp_path, suffix):
+    write_points(tmp_path / "in.xyz", bowl())
+    done = run(
+        "upsample", tmp_path / "in.xyz", "-o", tmp_path / f"a{suffix}", "--fields", "error", "--model", "nothing"
+    )
+    assert done.exit_code == 2
+    assert "not the columns error: write a .ply" in done.output
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".stl", ".glb", ".off"])
 def test_of_a_mesh_the_vertices_are_taken(tmp_path, suffix):
     ball = trimesh.creation.icosphere(subdivisions=2)

@@ -100,6 +100,16 @@ def test_before_is_stronger_than_the_columns_of_the_file(view):
     assert done.stdout.startswith("sourced.ply, 100 points: 25 old, 45 new, 30 touched\n")
 
 
+def test_expected_errors_set_the_colours_where_there_are_some(view):
+    errors = np.where(np.arange(len(POINTS)) < 20, np.nan, 0.1 + np.arange(len(POINTS)) / 1000)
+    write_cloud(Path("rated.ply"), Cloud(POINTS, {"error": errors}))
+    assert view("rated.ply", "--color", "error").exit_code == 0
+    page = Path("view.html").read_text(encoding="utf-8")
+    assert "<span>error</span><span>0.12</span>" in page
+    assert "<span>0.199</span>" in page
+    assert view("rated.ply", "--color", "error", "-o", "rated.png").exit_code == 0
+
+
 def test_recorded_touches_are_shown(view):
     recorded.write(Path("touches"), [Touch.single(POINTS[:30], None, unit=1.0, sensor="digit")])
     assert view("scan.ply", "--touch", "touches").exit_code == 0

@@ -65,6 +65,15 @@ def test_an_interrupted_command_continues_to_the_same_bytes(scan, tmp_path, monk
     assert not (tmp_path / "out.ply.parts").exists()
 
 
+@pytest.mark.parametrize("name", ["errors-", "new-"])
+def test_errors_are_the_same_after_an_interruption(scan, tmp_path, monkeypatch, name):
+    whole = stream(scan, tmp_path / "whole.ply", fields=["error"])
+    interrupted_at(monkeypatch, name, 3, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        stream(scan, tmp_path / "out.ply", fields=["error"])
+    assert stream(scan, tmp_path / "out.ply", fields=["error"]) == whole
+
+
 def test_an_interruption_while_the_result_is_written_costs_no_tile(scan, tmp_path, monkeypatch):
     whole = stream(scan, tmp_path / "whole.ply")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pcsr import PcsrWarning, UserError
+from pcsr import PcsrWarning, UserError, expected_errors
 from pcsr.clouds.cloud import Cloud
 from pcsr.clouds.formats import read_cloud, write_cloud
 from pcsr.streaming.tiles import TileTree, depth_for
@@ -48,7 +48,7 @@ def test_seams_show_no_gap_no_copy_and_no_change_of_density(tmp_path):
     write_cloud(tmp_path / "in.npy", Cloud(points))
     stream(tmp_path / "in.npy", tmp_path / "out.npy", rate=4)
     streamed = read_cloud(tmp_path / "out.npy").points
-    whole = np.concatenate([points, densify(points, 9600, SMALL)])
+    whole = np.concatenate([points, densify(points, 9600, SMALL).points])
     tree = TileTree.of(points, depth_for(len(points), TILE))
     assert len(tree.axes) == 7
 
@@ -83,6 +83,37 @@ def test_new_points_alone_and_their_source(scan, tmp_path):
     stream(scan, tmp_path / "out.ply", rate=2, fields=["source"])
     source = read_cloud(tmp_path / "out.ply").columns["source"]
     np.testing.assert_array_equal(source, np.repeat([0, 1], 1500))
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_errors_are_those_of_a_cloud_in_memory_but_for_seams(scan, tmp_path, keep):
+    stream(scan, tmp_path / "plain.ply", rate=2, keep=keep)
+    stream(scan, tmp_path / "out.ply", rate=2, keep=keep, fields=["error"])
+    plain, dense = read_cloud(tmp_path / "plain.ply"), read_cloud(tmp_path / "out.ply")
+    np.testing.assert_array_equal(dense.points, plain.points)
+    errors = dense.columns["error"]
+    old = 1500 if keep else 0
+    assert (errors[:old] == 0).all()
+    known = read_cloud(scan).points
+    ratio = errors[old:] / expected_errors(known, dense.points[old:])
+    assert np.quantile(np.abs(np.log(ratio)), 0.7) < 0.2
+    assert not (tmp_path / "out.ply.parts").exists()
+
+
+def test_errors_of_given_points_are_in_their_order_and_unknown_for_those_that_are_not_used(tmp_path):
+    cloud = sheet(3000)
+    points = cloud.points.copy()
+    high = points[:, 0] > np.median(points[:, 0])
+    points[high, 2] += 0.1 * np.random.default_rng(0).normal(size=high.sum())
+    points[700] = np.nan
+    write_cloud(tmp_path / "in.ply", Cloud(points, cloud.columns), bad="keep")
+    with pytest.warns(PcsrWarning, match="not finite"):
+        stream(tmp_path / "in.ply", tmp_path / "out.ply", rate=2, bad="keep", fields=["source", "error"])
+    errors = read_cloud(tmp_path / "out.ply", bad="keep").columns["error"][:3000]
+    assert np.flatnonzero(np.isnan(errors)).tolist() == [700]
+    far = points[:, 0] > np.quantile(points[~np.isnan(points[:, 0]), 0], 0.8)
+    assert np.median(errors[far]) > 0.05
+    assert len(np.unique(errors[~np.isnan(errors)])) > 1, "each tile has its own noise"
 
 
 @pytest.mark.parametrize("bad", ["refuse", "drop", "keep"])

@@ -18,7 +18,7 @@ def square(count, seed=0, side=1.0):
 def test_stray_points_get_no_more_new_points_than_others():
     stray = np.random.default_rng(1).uniform([0, 0, 0.2], [1, 1, 2], (12, 3))
     cloud = np.concatenate([square(600), stray])
-    nearest = cKDTree(cloud).query(densify(cloud, 4 * len(cloud), SOURCE))[1]
+    nearest = cKDTree(cloud).query(densify(cloud, 4 * len(cloud), SOURCE).points)[1]
     assert (nearest >= 600).sum() / 12 <= 3
 
 
@@ -29,7 +29,7 @@ def test_normals_tell_the_sheets_of_a_plate_apart():
     normals = np.repeat([[0.0, 0, -1], [0, 0, 1]], 450, axis=0)
 
     def inside(**options):
-        height = densify(sheets, 3600, SOURCE, **options)[:, 2]
+        height = densify(sheets, 3600, SOURCE, **options).points[:, 2]
         return ((height > 0.28) & (height < 1.12)).mean()
 
     assert inside(normals=normals) < 0.01
@@ -41,7 +41,7 @@ def test_normals_tell_the_sheets_of_a_plate_apart():
 def test_a_cloud_may_have_a_few_normals_only(count):
     cloud, normals = square(100), np.zeros((100, 3))
     normals[:count, 2] = 1
-    assert densify(cloud, 400, SOURCE, normals=normals).shape == (300, 3)
+    assert densify(cloud, 400, SOURCE, normals=normals).points.shape == (300, 3)
 
 
 @pytest.mark.parametrize("rate", [4, 16])
@@ -51,7 +51,7 @@ def test_new_points_do_not_leave_a_wire(rate):
     wire = np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), 0.8 * angle])
     fine = np.linspace(0, 20, 20_000)
     curve = cKDTree(np.column_stack([5 * np.cos(fine), 5 * np.sin(fine), 0.8 * fine]))
-    new = densify(wire, rate * 120, SOURCE)
+    new = densify(wire, rate * 120, SOURCE).points
     assert np.median(curve.query(new)[0]) < 0.05
     assert (curve.query(new)[0] < 0.25).mean() > 0.97
 
@@ -59,7 +59,7 @@ def test_new_points_do_not_leave_a_wire(rate):
 def test_on_a_noisy_floor_new_points_are_closer_to_it_than_old_ones():
     cloud = square(900, side=30.0)
     cloud[:, 2] = np.random.default_rng(2).normal(0, 0.3, 900)
-    new = densify(cloud, 3600, SOURCE)
+    new = densify(cloud, 3600, SOURCE).points
     assert np.abs(new[:, 2]).mean() < 0.6 * np.abs(cloud[:, 2]).mean()
 
 
@@ -74,7 +74,7 @@ class Touched(Midpoints):
 def off(cloud, touch):
     """How far each touched point is from the nearest point of the dense cloud, in radii of the cloud."""
     source = Touched(size=256, rate=16)
-    dense = densify(cloud, 4 * len(cloud), source, touches=[touch])
+    dense = densify(cloud, 4 * len(cloud), source, touches=[touch]).points
     return cKDTree(dense).query(touch)[0] / np.linalg.norm(cloud - cloud.mean(0), axis=1).max()
 
 
@@ -106,7 +106,7 @@ def test_a_dense_half_of_a_patch_stays_as_much_denser():
     rng = np.random.default_rng(0)
     x = np.concatenate([rng.uniform(0, 1, 200), rng.uniform(1, 2, 50)])
     cloud = np.column_stack([x, 2 * rng.uniform(0, 1, 250), np.zeros(250)])
-    new = densify(cloud, 1000, SOURCE)
+    new = densify(cloud, 1000, SOURCE).points
     assert (new[:, 0] < 1).mean() == pytest.approx(0.8, abs=0.08)
 
 
@@ -136,7 +136,7 @@ def test_copies_take_the_place_of_points_that_an_earlier_pass_generated():
     fixed = np.arange(600) < 300
     for source, corrected in ((Corrected(size=600), True), (Midpoints(size=600), False)):
         task = Task(every, 600, fixed, np.zeros((600, 3)), [], 900, np.ones(600), 4)
-        new = fill(source, task)
+        new = fill(source, task).points
         raw = cKDTree(new).query(generated)[0] < 1e-5
         assert raw.any() != corrected
         assert len(new) == 900

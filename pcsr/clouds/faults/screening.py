@@ -25,6 +25,8 @@ class ScreenedCloud:
     """The cloud without dropped points."""
     used: Bool[np.ndarray, " n"]
     """Which of its points computations use: one at each position, without faults."""
+    removed: float = 0.0
+    """Standard deviation of the noise that was removed from these points, in the unit of the cloud; 0 if none was."""
 
     @property
     def points(self) -> Float64[np.ndarray, "m 3"]:

@@ -8,6 +8,8 @@ from jaxtyping import Float
 from pcsr.report.cloud_errors import SCALE, distance, scale_end
 from pcsr.report.colours import ERROR_SCALE
 from pcsr.run_files import Cloud, Example
+from pcsr.uncertainty import expected_errors
+from pcsr.upsample.dense import FEWEST
 
 DECIMALS = 4
 """Decimals of coordinates: 10⁻⁴ of the unit sphere is less than a pixel."""
@@ -19,7 +21,7 @@ def views(example: Example) -> dict[str, Any]:
     Returns:
         A dict with `name`, that of the object; `limit`, the error at the end of the row's colour scale, ×10⁻³;
         `range`, lowest and highest coordinate for each axis, a cube around all clouds; and `views`, each with a title
-        and its plotly traces.
+        and its plotly traces. The first prediction is shown by its expected errors too.
     """
     errors = {name: distance(cloud, example.truth) * SCALE for name, cloud in example.predictions.items()}
     limit = scale_end(list(errors.values()))
@@ -32,11 +34,15 @@ def views(example: Example) -> dict[str, Any]:
                 plain(example.touches, "touch", 2.0),
             )
         )
-    for name, cloud in example.predictions.items():
+    for number, (name, cloud) in enumerate(example.predictions.items()):
         mean = float(errors[name].mean())
         shown.append(
             view(f"{name}, mean distance to the truth {mean:.3g} ×10⁻³", _coloured(cloud, errors[name], limit))
         )
+        if number == 0 and len(example.input) >= FEWEST:
+            expected = SCALE * expected_errors(example.input, cloud)
+            title = f"expected error of {name}, mean {expected.mean():.3g} ×10⁻³"
+            shown.append(view(title, _coloured(cloud, expected, limit)))
     shown.append(view(f"truth, {len(example.truth)} points", plain(example.truth, "truth", 1.6)))
     return {"name": example.name, "limit": limit, "range": cube(*_held(example)), "views": shown}
 

@@ -116,7 +116,7 @@ def test_examples_are_chosen_by_their_names(draw, results):
     assert page.texts("button") == results["objects"][:2]
     examples = drawn(page)["examples"]
     assert [example["name"] for example in examples] == results["objects"][:2]
-    assert len(examples[0]["views"]) == 6
+    assert len(examples[0]["views"]) == 7
     assert draw(examples=False).texts("section", id="examples") == []
 
 

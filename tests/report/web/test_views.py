@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 
+from pcsr import expected_errors
 from pcsr.report.cloud_errors import distance
 from pcsr.report.web.views import views
 from pcsr.run_files import Example
@@ -34,8 +35,10 @@ def test_distance_is_to_the_nearest_true_point(example):
 
 def test_a_row_shows_input_touches_predictions_truth(example):
     row = views(example)["views"]
-    assert [view["title"].split(",")[0] for view in row] == ["input", "touches", "tapsr", "midpoint", "truth"]
-    shown = [example.input, example.input, *example.predictions.values(), example.truth]
+    titles = ["input", "touches", "tapsr", "expected error of tapsr", "midpoint", "truth"]
+    assert [view["title"].split(",")[0] for view in row] == titles
+    first, second = example.predictions.values()
+    shown = [example.input, example.input, first, first, second, example.truth]
     for view, cloud in zip(row, shown, strict=True):
         np.testing.assert_allclose(points(view["traces"][0]), cloud, atol=0.51e-4)
     grey, red = row[1]["traces"]
@@ -45,13 +48,28 @@ def test_a_row_shows_input_touches_predictions_truth(example):
 
 def test_without_touches_there_is_no_view_of_them(example):
     row = views(Example("o", example.input, None, example.truth, example.predictions))["views"]
-    assert [view["title"].split(",")[0] for view in row] == ["input", "tapsr", "midpoint", "truth"]
+    titles = ["input", "tapsr", "expected error of tapsr", "midpoint", "truth"]
+    assert [view["title"].split(",")[0] for view in row] == titles
+
+
+def test_the_first_prediction_is_coloured_by_its_expected_error_too(example):
+    drawn = views(example)
+    expected = 1000 * expected_errors(example.input, example.predictions["tapsr"])
+    marker = drawn["views"][3]["traces"][0]["marker"]
+    np.testing.assert_allclose(marker["color"], expected, atol=0.0051)
+    assert (marker["cmin"], marker["cmax"]) == (0, drawn["limit"])
+    assert f"mean {expected.mean():.3g} ×10⁻³" in drawn["views"][3]["title"]
+
+
+def test_an_input_of_few_points_has_no_expected_errors(example):
+    row = views(Example("o", example.input[:15], None, example.truth, example.predictions))["views"]
+    assert not any("expected" in view["title"] for view in row)
 
 
 def test_predictions_are_coloured_by_error_on_one_scale(example):
     drawn = views(example)
     everything = [1000 * slow_distance(cloud, example.truth) for cloud in example.predictions.values()]
-    for view, cloud_errors in zip(drawn["views"][2:4], everything, strict=True):
+    for view, cloud_errors in zip([drawn["views"][2], drawn["views"][4]], everything, strict=True):
         marker = view["traces"][0]["marker"]
         np.testing.assert_allclose(marker["color"], cloud_errors, atol=0.0051)
         assert (marker["cmin"], marker["cmax"]) == (0, drawn["limit"])
