@@ -29,7 +29,7 @@ COMMANDS = re.findall(r"^\$ pcsr (.*)$", TEXT, re.MULTILINE)
 @pytest.mark.slow
 def test_the_code_runs_from_top_to_bottom(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert len(CODE) == 8
+    assert len(CODE) == 9
     exec("".join(CODE), {})
 
 

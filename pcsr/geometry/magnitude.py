@@ -23,10 +23,10 @@ def exponent(clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> int:
     return power if abs(power) > ORDINARY else 0
 
 
-def scaled(points: Float[np.ndarray, "*n 3"], power: int) -> Float[np.ndarray, "*n 3"]:
-    """Multiply points by 2 to the given power; return the same array if the power is 0."""
+def scaled(lengths: Float[np.ndarray, "*n"], power: int) -> Float[np.ndarray, "*n"]:
+    """Multiply coordinates or other lengths by 2 to the given power; return the same array if the power is 0."""
     if power == 0:
-        return points
+        return lengths
     with np.errstate(under="ignore", over="ignore"):
-        product: Float[np.ndarray, "*n 3"] = np.ldexp(points, power)
+        product: Float[np.ndarray, "*n"] = np.ldexp(lengths, power)
     return product

@@ -92,7 +92,9 @@ class Patch:
         return noise_level(self.points[np.argsort(along, kind="stable")], SAMPLE)
 
 
-def features(patch: Patch, chosen: Int[np.ndarray, " c"]) -> tuple[dict[str, Float[np.ndarray, " c"]], CloudArray]:
+def features(
+    patch: Patch, chosen: Int[np.ndarray, " c"]
+) -> tuple[dict[str, Float[np.ndarray, " c"]], Float[np.ndarray, " c"]]:
     """Compute the features of some of the new points.
 
     Args:
@@ -199,8 +201,13 @@ def _of_patch(patch: Patch, quadrics: Quadrics) -> dict[str, float]:
         "small planes": patch.small_planes,
         "small quadrics": patch.small_quadrics,
     }
+    quantiles = {name: _log(np.quantile(of, QUANTILES)) for name, of in residuals.items()}
     return {
-        **{f"{name} {q}": float(_log(np.quantile(of, q))) for name, of in residuals.items() for q in QUANTILES},
+        **{
+            f"{name} {q}": float(value)
+            for name, of in quantiles.items()
+            for q, value in zip(QUANTILES, of, strict=True)
+        },
         "evenness": float(np.log(patch.unit).std()),
         "noisy": quadrics.noisy(),
     }

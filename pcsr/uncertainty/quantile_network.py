@@ -30,8 +30,8 @@ class QuantileNetwork:
     """Mean of each feature in the data of the fit."""
     deviation: Float[np.ndarray, " f"]
     """Standard deviation of each feature in these data."""
-    weights: tuple[Float[np.ndarray, "outputs inputs"], ...]
-    biases: tuple[Float[np.ndarray, " outputs"], ...]
+    weights: tuple[Float[np.ndarray, "_ _"], ...]
+    biases: tuple[Float[np.ndarray, " _"], ...]
 
     @classmethod
     def of(cls, names: tuple[str, ...], tensors: Mapping[str, np.ndarray]) -> "QuantileNetwork":
