@@ -105,7 +105,7 @@ def explore(
     tries = CANDIDATES if candidates is None else candidates
     setting = Setting(mesh, count, sensor, object_size, points, one_side, tries, seed)
     with progress_bars(streams.console(error=True), hidden=False) as progress:
-        task = progress.add_task("touches", total=len(names) * (2 * count + 1))
+        task = progress.add_task("touches", total=len(names) * count)
         found = errors_over_touches(setting, names, load(model), registry, lambda: progress.advance(task))
     width = max(7, *map(len, names))
     click.echo(f"{'touches':{width}}  " + "  ".join(f"{number:>7}" for number in range(count + 1)) + "   failed")

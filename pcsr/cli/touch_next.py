@@ -1,7 +1,7 @@
 """`pcsr touch next`: poses at which the finger should touch next."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,27 +10,9 @@ from pcsr.cli.options import FILE, columns_option, complete_part, plugin_option
 from pcsr.errors import UserError
 
 if TYPE_CHECKING:
+    from pcsr.clouds.faults import Bad
     from pcsr.exploration.choosing import NextTouches
     from pcsr.plugins.registry import Registry
-
-
-class _Unit(click.ParamType[float]):
-    """Click type of a unit of length: its name, or its length in mm."""
-
-    name = "unit"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the length of the unit in mm."""
-        from pcsr.recorded.fields import UNITS
-
-        if isinstance(value, float):
-            return value
-        if value in UNITS:
-            return float(UNITS[value])
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(f"'{value[:40]}' is neither {', '.join(UNITS)} nor a length in mm", param, ctx)
 
 
 @click.command("next")
@@ -70,7 +52,6 @@ class _Unit(click.ParamType[float]):
 )
 @click.option(
     "--unit",
-    type=_Unit(),
     default=None,
     metavar="UNIT",
     help="Unit of the cloud: mm, m, or its length in mm.  [default: that of the touches, else mm]",
@@ -86,6 +67,14 @@ class _Unit(click.ParamType[float]):
 @click.option(
     "--frame", default="object", show_default=True, metavar="NAME", help="Frame of the cloud, for ROS in the JSON file."
 )
+@click.option(
+    "--bad",
+    type=click.Choice(["refuse", "drop", "keep"]),
+    default="refuse",
+    show_default=True,
+    help="Treatment of points that are not finite, of sentinels and of far outliers. refuse: an error; drop and keep: "
+    "they are not used.",
+)
 @columns_option
 @click.option(
     "--format", "suffix", default=None, help="Format of CLOUD, whatever its suffix.  [default: by the suffix]"
@@ -100,10 +89,11 @@ def next_(
     sensor: str,
     policy: str,
     camera: tuple[float, float, float] | None,
-    unit: float | None,
+    unit: str | None,
     candidates: int | None,
     seed: int,
     frame: str,
+    bad: "Bad",
     columns: str | None,
     suffix: str | None,
     registry: "Registry",
@@ -118,13 +108,17 @@ def next_(
     pcsr touch next scan.ply -o next.json
     pcsr touch next scan.ply --touch touches/ --sensor gelsight-mini --unit m -o next.json -o next.ply
     """  # noqa: D301 (click's mark is the letter itself)
+    from pcsr.cli.reasons import echo_skipped
     from pcsr.clouds.faults import screen
     from pcsr.clouds.formats import read_cloud
     from pcsr.exploration.next import CANDIDATES, fingertip_of, next_touches
     from pcsr.exploration.writing import check_suffix, write_next
     from pcsr.files import check_target
     from pcsr.progress import progress_bars
+    from pcsr.recorded import read
 
+    if cloud.is_dir():
+        raise UserError(f"{cloud} is a folder: name the file of the cloud")
     if as_is and folder is None:
         raise UserError("--touch-as-is: it is about the touches of --touch, which is not given")
     for out in outs:
@@ -133,7 +127,9 @@ def next_(
         if out.resolve() == cloud.resolve():
             raise UserError(f"-o {out}: that is the cloud itself: name another file")
     chooser = registry.get("policy", policy)()
-    points = screen(read_cloud(cloud, suffix, bad="keep", columns=columns), "refuse", str(cloud))
+    points = screen(read_cloud(cloud, suffix, bad="keep", columns=columns), bad, str(cloud))
+    if folder is not None:
+        echo_skipped(read(folder))
     with progress_bars(streams.console(error=True), hidden=False) as progress:
         task = progress.add_task("poses", total=count)
         found = next_touches(
@@ -149,7 +145,7 @@ def next_(
             touch_as_is=as_is,
             advance=lambda done, total: progress.update(task, completed=done),
         )
-    _show(found)
+    _show(found, given=camera is not None)
     for out in outs:
         if out.suffix.lower() == ".ply" and len(found) == 0:
             click.echo(f"{out} is not written: there is no pose")
@@ -158,12 +154,23 @@ def next_(
         click.echo(f"{out}: {len(found)} poses")
 
 
-def _show(found: "NextTouches") -> None:
-    """Print a line for each pose, and why there are fewer than were asked for."""
+def _show(found: "NextTouches", *, given: bool) -> None:
+    """Print a line for each pose, why there are fewer than were asked for, and behind which side a far one is guessed.
+
+    Args:
+        found: the poses.
+        given: whether the position of the camera was given.
+    """
     for index, touch in enumerate(found):
         x, y, z = touch.pose[:3, 3]
         gain = "" if touch.gain is None or touch.share is None else f", -{touch.share:.1%} ({touch.gain:.3g} mm²)"
         where = ", on a guessed side" if touch.guessed else ""
         click.echo(f"{index}: at {x:.5g} {y:.5g} {z:.5g}{gain}, contact of {touch.contact_area:.0f} mm²{where}")
+    if found.towards is not None and not given:
+        x, y, z = found.towards
+        click.echo(
+            f"The cloud seems to be seen from one side, direction {x:.2f} {y:.2f} {z:.2f}: its far side is guessed. If "
+            f"not, or if you know where the camera was, give --camera."
+        )
     if found.reason:
         click.echo(f"{len(found)} poses: {found.reason}")

@@ -1,13 +1,14 @@
 """The kind of part that chooses where to touch next."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from pcsr.contracts.part import Part
-from pcsr.errors import UserError
+from pcsr.errors import PcsrError, UserError
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,23 @@ class Fingertip:
     """Least and greatest depth to which the face is pressed."""
     least_area: float = 17.5
     """Least contact in mm² that makes a touch."""
+
+    def __post_init__(self) -> None:
+        """Check the lengths.
+
+        Raises:
+            UserError: a length is not finite or has the wrong sign, or the greatest press is less than the least.
+        """
+        for name, sides in (("gel", self.gel), ("housing", self.housing)):
+            if len(sides) != 2 or not all(np.isfinite(side) and side > 0 for side in sides):
+                raise UserError(f"fingertip '{self.name}': {name} is {sides}: give two sides in mm")
+        if len(self.press) != 2 or not 0 <= self.press[0] <= self.press[1] < np.inf:
+            raise UserError(
+                f"fingertip '{self.name}': press is {self.press}: give the least depth in mm, then the greatest"
+            )
+        for name in ("protrusion", "least_area"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise UserError(f"fingertip '{self.name}': {name} is {getattr(self, name)}: give a number from 0 on")
 
 
 @dataclass(frozen=True)
@@ -135,12 +153,65 @@ class Policy(Part):
         """Return `scores` if they are one finite number for each candidate.
 
         Raises:
-            UserError: they are not.
+            UserError: they are not, or the policy failed, for instance since it changed its arguments.
         """
-        scores = np.asarray(self.scores(candidates, cloud, touched))
-        if scores.shape != (len(candidates),) or scores.dtype.kind not in "fiub" or not np.isfinite(scores).all():
+        scores = self._asked(self.scores, candidates, cloud, touched)
+        try:
+            found = np.asarray(scores)
+        except ValueError:  # rows of different lengths
+            found = np.asarray(None)
+        if found.shape != (len(candidates),) or found.dtype.kind not in "fiub" or not np.isfinite(found).all():
             raise UserError(
-                f"policy {type(self).__name__} gave scores of shape {scores.shape} and type {scores.dtype} for "
+                f"policy {type(self).__name__} gave scores of shape {found.shape} and type {found.dtype} for "
                 f"{len(candidates)} candidates: return one finite number for each"
             )
-        return scores.astype(np.float64)
+        return found.astype(np.float64)
+
+    def checked_error(
+        self,
+        candidates: TouchCandidates,
+        cloud: Float[np.ndarray, "n 3"],
+        touched: Float[np.ndarray, "f 3"],
+    ) -> float | None:
+        """Return `error` if it is None or a finite number from 0 on.
+
+        Raises:
+            UserError: it is not, or the policy failed.
+        """
+        error = self._asked(self.error, candidates, cloud, touched)
+        if error is None:
+            return None
+        if not isinstance(error, int | float | np.integer | np.floating) or not 0 <= error < np.inf:
+            raise UserError(
+                f"policy {type(self).__name__} expects an error of {error!r}: return mm² from 0 on, or None"
+            )
+        return float(error)
+
+    def _asked(
+        self,
+        method: Callable[..., Any],
+        candidates: TouchCandidates,
+        cloud: Float[np.ndarray, "n 3"],
+        touched: Float[np.ndarray, "f 3"],
+    ) -> Any:
+        """Call a method of the policy with arrays that cannot be changed."""
+        fixed = TouchCandidates(
+            _read_only(candidates.points),
+            _read_only(candidates.frames),
+            _read_only(candidates.presses),
+            candidates.fingertip,
+            None if candidates.surface is None else _read_only(candidates.surface),
+        )
+        try:
+            return method(fixed, _read_only(cloud), _read_only(touched))
+        except PcsrError:
+            raise
+        except Exception as error:
+            what = f"{type(self).__name__}.{method.__name__}"
+            raise UserError(f"policy {what} failed: {type(error).__name__}: {error}") from error
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from pcsr.contracts import Fingertip, Policy, TouchCandidates
 from pcsr.exploration.contact import ContactModel, ExpectedContact
-from pcsr.exploration.guess import guessed_candidates
+from pcsr.exploration.guess import direction, guessed_candidates
 from pcsr.exploration.reach import reachable
 from pcsr.exploration.surface import KnownSurface
 
@@ -31,7 +31,8 @@ class NextTouch:
     """From mm in the frame of the sensor to the frame and unit of the cloud, as `Touch.poses`: its origin is where the
     centre of the unpressed face comes to rest, and the finger approaches along its -z axis."""
     gain: float | None
-    """What the touch is expected to take off the Chamfer distance, in mm²; None if the policy does not expect any."""
+    """What the touch is expected to take off the Chamfer distance, in mm², after those before it; None if the policy
+    does not expect any."""
     share: float | None
     """The same as a share of the expected Chamfer distance before the first of the touches."""
     contact_area: float
@@ -46,7 +47,11 @@ class NextTouches(Sequence[NextTouch]):
 
     touches: tuple[NextTouch, ...]
     error: float | None
-    """Expected Chamfer distance before these touches, in mm²; None if the policy does not expect any."""
+    """Expected Chamfer distance before these touches, in mm²; None if the policy does not expect any. That of a far
+    side is only as good as its guess."""
+    towards: Float[np.ndarray, "3"] | None
+    """Unit vector from the middle of the cloud towards the camera, given or estimated, behind which the far side is
+    guessed; None if none is."""
     reason: str
     """Why there are fewer poses than were asked for; empty if there are not."""
     unit: float
@@ -92,11 +97,14 @@ def choose(
     """
     before = np.concatenate([np.zeros((0, 3)), *touched])
     known = KnownSurface.of(seen, before)
+    towards = direction(known, towards, fingertip)
     candidates, guessed = guessed_candidates(known, towards, tries, fingertip, rng)
     model = ContactModel.of(np.concatenate([known.points, candidates.points[guessed]]))
     possible = reachable(candidates, model)
     usable, contacts = _subset(candidates, possible.rows), possible.contacts
-    total = policy.error(candidates, seen, before) if len(usable) else None
+    total = policy.checked_error(candidates, seen, before) if len(usable) else None
+    left = np.inf if total is None else total
+    most = left
     free = np.array([_is_new(contact, before) for contact in contacts], bool)
     chosen: list[NextTouch] = []
     stopped = ""
@@ -104,10 +112,13 @@ def choose(
         rows = np.flatnonzero(free)
         scores = policy.checked_scores(usable, seen, before)
         row = int(rows[scores[rows].argmax()])
-        gain = None if total is None else float(scores[row])
+        # No touch takes off more than is left, nor more than one that was better before it.
+        gain = None if total is None else min(float(scores[row]), left, most)
         if total is not None and gain is not None and gain <= LEAST_GAIN * total:
             stopped = f"a further touch is expected to take less than {LEAST_GAIN:.2%} off the error"
             break
+        if gain is not None:
+            left, most = left - gain, gain
         contact = contacts[row]
         chosen.append(
             NextTouch(
@@ -124,7 +135,7 @@ def choose(
         free &= away >= APART * min(fingertip.gel)
         advance(len(chosen), count)
     reason = "" if len(chosen) == count else stopped or _reason(possible.refused, len(usable), len(chosen))
-    return NextTouches(tuple(chosen), total, reason, 1.0, fingertip)
+    return NextTouches(tuple(chosen), total, towards, reason, 1.0, fingertip)
 
 
 def _subset(candidates: TouchCandidates, rows: Any) -> TouchCandidates:

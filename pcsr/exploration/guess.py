@@ -16,8 +16,22 @@ BESIDE = 6
 """Neighbours of a known point between which the surface is drawn."""
 GRAZING = 0.3
 """Up to this cosine between normal and direction of the camera, it is uncertain which side the camera saw."""
+SURFACE = 512
+"""Number of points that are drawn from the whole surface, over which errors are averaged."""
 COLUMN = 2.0
 """Radius in mm of the column above a point that is searched for other points."""
+
+
+def direction(
+    known: KnownSurface, towards: Float[np.ndarray, "3"] | None, fingertip: Fingertip
+) -> Float[np.ndarray, "3"] | None:
+    """Return the unit vector towards the camera, estimated if it is not given; None if no far side is guessed.
+
+    The far side is guessed of objects alone of which a pixel of the guess is smaller than the gel, not of scenes.
+    """
+    if PITCH * float(np.ptp(known.points, axis=0).max()) / 2 > min(fingertip.gel):
+        return None
+    return seen_from(known.points[: known.seen]) if towards is None else towards
 
 
 def guessed_candidates(
@@ -29,14 +43,12 @@ def guessed_candidates(
 ) -> tuple[TouchCandidates, Bool[np.ndarray, " p"]]:
     """Draw candidates evenly from the known surface and from the guess of the hidden one.
 
-    The far side is guessed of objects alone of which a pixel of the guess is smaller than the gel, not of scenes.
-
     The sensor stands along the normal, on the side of the camera; where the camera is unknown, the normal is at right
     angles to its direction, or the point was touched, on the side with fewer known points in its way.
 
     Args:
         known: the known surface.
-        towards: unit vector towards the camera; by default it is estimated.
+        towards: unit vector towards the camera; None if no far side is guessed.
         count: number of candidates.
         fingertip: outline of the sensor, whose middle press is taken.
         rng: source of randomness.
@@ -44,9 +56,6 @@ def guessed_candidates(
     Returns:
         The candidates, and which of them are on the guessed surface.
     """
-    towards = seen_from(known.points[: known.seen]) if towards is None else towards
-    if PITCH * float(np.ptp(known.points, axis=0).max()) / 2 > min(fingertip.gel):
-        towards = None
     hidden, outwards, areas = hidden_surface(known, towards)
     share = areas.sum() / (areas.sum() + known.area)
     guessed = min(round(share * count), len(hidden))
@@ -56,7 +65,9 @@ def guessed_candidates(
     normals = np.concatenate([_outwards(known, rows, towards), outwards[picked]])
     frames = _frames(normals, rng.uniform(0, 2 * np.pi, len(points)))
     presses = np.full(len(points), sum(fingertip.press) / 2)
-    surface = np.concatenate([_between(known, count - guessed, rng), hidden[picked]])
+    of_hidden = round(share * SURFACE) if len(hidden) else 0
+    drawn = rng.choice(len(hidden), of_hidden, p=areas / areas.sum()) if of_hidden else np.zeros(0, int)
+    surface = np.concatenate([_between(known, SURFACE - of_hidden, rng), hidden[drawn]])
     return TouchCandidates(points, frames, presses, fingertip, surface), np.arange(len(points)) >= len(rows)
 
 

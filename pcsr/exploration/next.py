@@ -1,5 +1,6 @@
 """Poses at which the next touches are expected to lower the error of an upsampled cloud most."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from pcsr.clouds.convert import convert
-from pcsr.clouds.faults import ScreenedCloud, screen
+from pcsr.clouds.faults import Bad, ScreenedCloud, screen
 from pcsr.clouds.touch import Touch
 from pcsr.contracts import Fingertip, Policy
 from pcsr.errors import UserError
 from pcsr.exploration.choosing import NextTouches, choose
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Registry
+from pcsr.recorded.fields import UNITS
 from pcsr.touches import GivenTouches, TouchesLike
 
 CANDIDATES = 160
@@ -32,9 +34,10 @@ def next_touches(
     sensor: str | Fingertip = "digit",
     policy: str | Policy = "expected-error",
     camera: Sequence[float] | None = None,
-    unit: float | None = None,
+    unit: str | float | None = None,
     candidates: int = CANDIDATES,
     seed: int = 0,
+    bad: Bad = "refuse",
     touch_as_is: bool = False,
     plugins: Sequence[str | Path] = (),
     advance: Callable[[int, int], None] = lambda done, total: None,
@@ -52,9 +55,11 @@ def next_touches(
         policy: name of a policy, or a policy.
         camera: position of the camera, (3), in the frame and unit of the cloud. By default the direction from which the
             cloud was seen is estimated; if it shows several sides, no far side is guessed.
-        unit: unit of the cloud in mm. By default that of the touches, or 1 without any.
+        unit: unit of the cloud: "mm", "m", "cm", "in", or its length in mm. By default that of the touches, or mm
+            without any.
         candidates: number of points of the surface at which poses are tried. More take longer and find better ones.
         seed: seed of the candidates.
+        bad: treatment of faulty points, as of `Model.upsample`; "drop" and "keep" do not use them.
         touch_as_is: use the touches where they were reported, without registration.
         plugins: plugin files, if the policy is a part of one.
         advance: called with the number of chosen poses and `count`.
@@ -69,33 +74,57 @@ def next_touches(
     Examples:
         >>> ball = np.random.default_rng(0).normal(size=(400, 3))
         >>> ball *= 15 / np.linalg.norm(ball, axis=1, keepdims=True)
-        >>> poses = pcsr.next_touches(ball[ball[:, 2] > -5], count=1)  # its lower side is hidden
+        >>> poses = pcsr.next_touches(ball[ball[:, 2] > 1], count=1)  # its lower side is hidden
         >>> poses[0].guessed, bool(poses[0].pose[2, 2] < 0)
         (True, True)
     """
-    if count < 1 or candidates < 1:
-        raise UserError(f"count is {count} and candidates {candidates}: both must be at least 1")
-    screened = cloud if isinstance(cloud, ScreenedCloud) else screen(convert(cloud).cloud, "refuse")
+    for name, number, least in (("count", count, 1), ("candidates", candidates, 1), ("seed", seed, 0)):
+        if not isinstance(number, int | np.integer) or number < least:
+            raise UserError(f"{name} is {number!r}: give a whole number from {least} on")
+    if not isinstance(policy, str | Policy):
+        raise UserError(f"policy is {policy!r}: give the name of a policy, or an instance of one")
+    screened = cloud if isinstance(cloud, ScreenedCloud) else screen(convert(cloud).cloud, bad)
     points = screened.points
     given = GivenTouches.of(touches, as_is=touch_as_is)
     if isinstance(touches, str | Path):
         given = given.in_frame(points)
     given.check(points)
     given = given.moved(given.registration(points))
-    scale = _unit(unit, given)
+    length = None if unit is None else unit_in_mm(unit)
+    scale = _unit(length, given)
     registry = load_plugins([Path(file) for file in plugins])
     fingertip = sensor if isinstance(sensor, Fingertip) else fingertip_of(sensor, registry)
     chooser: Policy = policy if isinstance(policy, Policy) else registry.get("policy", policy)()
     middle = points.mean(0)
     seen = (points - middle) * scale
     touched = [(one - middle) * scale for one in given.points(0)]
-    _check_size(seen, fingertip, unit)
-    towards = _towards(camera, middle)
+    _check_size(seen, fingertip, length)
+    towards = _towards(camera, points)
     found = choose(seen, touched, towards, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
     to_cloud = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
     to_cloud[:3, 3] = middle
     moved = tuple(replace(one, pose=to_cloud @ one.pose) for one in found.touches)
     return replace(found, touches=moved, unit=scale)
+
+
+def unit_in_mm(unit: str | float) -> float:
+    """Return the length of a unit in mm.
+
+    Args:
+        unit: its name, such as "m", or its length in mm, as a number or text.
+
+    Raises:
+        UserError: it is neither.
+    """
+    try:
+        length = float(UNITS[unit] if isinstance(unit, str) and unit in UNITS else unit)
+    except (TypeError, ValueError):
+        length = np.nan
+    if not 0 < length < np.inf:
+        raise UserError(
+            f"unit is {unit!r}: name it ({', '.join(UNITS)}), or give its length in mm, such as 1000 for m (--unit)"
+        )
+    return length
 
 
 def fingertip_of(sensor: str, registry: Registry, source: str = "digit") -> Fingertip:
@@ -106,38 +135,48 @@ def fingertip_of(sensor: str, registry: Registry, source: str = "digit") -> Fing
     """
     from pcsr.recipe import for_data
 
-    recipe = for_data("cad-parts", {}, registry, [f"use={source}", f"sensor={sensor}"], part="touch")
+    if not (isinstance(sensor, str) and re.fullmatch(r"[\w.-]+", sensor)):
+        raise UserError(f"sensor is {sensor!r}: name a preset, such as digit or gelsight-mini (--sensor)")
+    try:
+        recipe = for_data("cad-parts", {}, registry, [f"use={source}", f"sensor={sensor}"], part="touch")
+    except UserError as error:
+        raise UserError(f"--sensor: {str(error).split('.sensor: ')[-1]}") from error
     found = recipe.data.touch.build(registry, "touch").fingertip()
     if not isinstance(found, Fingertip):
         raise UserError(f"touch source '{source}' does not know the outline of its sensor: name another source")
     return found
 
 
-def _towards(camera: Sequence[float] | None, middle: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"] | None:
+def _towards(camera: Sequence[float] | None, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"] | None:
     """Return the unit vector from the middle of the cloud towards the camera.
 
     Raises:
-        UserError: the position is not three finite numbers, or is the middle of the cloud.
+        UserError: the position is not three finite numbers, or lies between the points of the cloud.
     """
     if camera is None:
         return None
-    position = np.asarray(camera, np.float64)
+    try:
+        position = np.asarray(camera, np.float64)
+    except (TypeError, ValueError):
+        position = np.zeros(0)
     if position.shape != (3,) or not np.isfinite(position).all():
-        raise UserError(f"camera is {camera}: give its position as three finite numbers (--camera)")
-    away = position - middle
-    length = float(np.linalg.norm(away))
-    if not length > 0:
-        raise UserError(f"camera is {camera}, the middle of the cloud: give its position (--camera)")
-    unit: Float[np.ndarray, 3] = away / length
-    return unit
+        raise UserError(f"camera is {camera!r}: give its position as three finite numbers (--camera)")
+    low, high = points.min(0), points.max(0)
+    if ((position >= low) & (position <= high)).all():
+        raise UserError(
+            f"camera is {position.tolist()}, inside of the cloud, which reaches from {low.round(4).tolist()} to "
+            f"{high.round(4).tolist()}: give the camera's position in the frame and unit of the cloud (--camera)"
+        )
+    away = position - points.mean(0)
+    away = away / np.abs(away).max()
+    towards: Float[np.ndarray, 3] = away / np.linalg.norm(away)
+    return towards
 
 
 def _unit(unit: float | None, given: GivenTouches) -> float:
     units = sorted({touch.unit for touch in given.touches if isinstance(touch, Touch)})
     if len(units) > 1:
         raise UserError(f"the touches have units of {units} mm: all must have that of the cloud")
-    if unit is not None and not (np.isfinite(unit) and unit > 0):
-        raise UserError(f"unit is {unit}: it must be the length of the cloud's unit in mm, such as 1000 for metres")
     if unit is not None and units and units[0] != unit:
         raise UserError(f"unit is {unit:g} mm, but that of the touches is {units[0]:g} mm: leave it out (--unit)")
     return unit or (units[0] if units else 1.0)

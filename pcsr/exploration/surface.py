@@ -17,6 +17,8 @@ SPACED = 4
 """Neighbours whose mean distance is the spacing of a point."""
 AROUND = 8
 """Neighbours whose normals are compared, and through which a plane is fitted."""
+THIN = 1e-3
+"""A cloud whose second principal extent is smaller than this share of the first is a line."""
 FEWEST = 16
 """Smallest number of points of a cloud."""
 
@@ -47,7 +49,7 @@ class KnownSurface:
         """Describe the surface known from a cloud and from touched points, both in mm.
 
         Raises:
-            UserError: the cloud has too few distinct points.
+            UserError: the cloud has too few distinct points, or they lie on a line.
         """
         seen = np.unique(cloud, axis=0)
         if len(seen) >= FEWEST and _median_spacing(seen) < FINEST:
@@ -55,6 +57,9 @@ class KnownSurface:
             seen = thinned if len(thinned) >= FEWEST else seen
         if len(seen) < FEWEST:
             raise UserError(f"the cloud has {len(seen)} distinct points: at least {FEWEST} are needed")
+        extents = np.linalg.svd(seen - seen.mean(0), compute_uv=False)
+        if extents[1] < THIN * extents[0]:
+            raise UserError("the points of the cloud lie on a line, which has no normals: give a surface")
         distances, _ = KDTree(seen).query(seen, k=SPACED + 1)
         # The disc to the k-th neighbour holds k points, half of the last on average.
         area = float(np.pi * (distances[:, -1] ** 2).sum() / SPACED)

@@ -60,6 +60,7 @@ def as_json(found: NextTouches, frame: str = "object") -> dict[str, Any]:
         "object_unit": found.unit,
         "sensor": found.fingertip.name,
         "error_mm2": found.error,
+        "towards_camera": None if found.towards is None else found.towards.tolist(),
         "reason": found.reason,
         "touches": [_entry(touch, index, found.unit, frame) for index, touch in enumerate(found)],
     }

@@ -20,6 +20,8 @@ from pcsr.uncertainty.fitted import fitted_networks
 from pcsr.upsample.dense import ALONE, FEWEST
 from pcsr.workers import WorkerPool
 
+FAR = 5.0
+"""Farther than this from all known points, in spacings, nothing is known: the error is at least the distance beyond."""
 SIZE, CORE = 4096, 3000
 """Number of known points of a patch, and of its core."""
 
@@ -162,4 +164,6 @@ def _errors(task: _Task) -> tuple[Float[np.ndarray, " c"], float]:
         found[PREDICTED] = of_prediction(task.predicted, unit)
         errors[rated] = networks.rated({name: values[rated] for name, values in found.items()})
         errors *= unit
+        distance, _ = task.patch.neighbours.tree.query(task.patch.new[task.chosen])
+        errors = np.maximum(errors, distance - FAR * unit)
     return errors, task.patch.level

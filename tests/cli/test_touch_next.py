@@ -1,6 +1,7 @@
 """`pcsr touch next` and `pcsr touch explore` as a person runs them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def test_poses_are_shown_and_written(run, tmp_path):
     lines = result.stdout.splitlines()
     assert lines[0].startswith("0: at ")
     assert lines[0].endswith("on a guessed side")
-    assert lines[2:] == ["next.json: 2 poses", "next.ply: 2 poses"]
+    assert lines[2].startswith("The cloud seems to be seen from one side, direction ")
+    assert lines[3:] == ["next.json: 2 poses", "next.ply: 2 poses"]
     content = json.loads((tmp_path / "next.json").read_text())
     assert len(content["touches"]) == 2 == len(read_cloud(tmp_path / "next.ply").points)
     assert content["touches"][1]["ros"]["header"]["frame_id"] == "camera"
@@ -62,10 +64,11 @@ def test_metres_are_named_or_refused(run):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--unit", "ell"), "'ell' is neither"),
+        (("--unit", "ell"), "unit is 'ell': name it"),
+        (("--camera", "0", "0", "5"), "inside of the cloud"),
         (("-o", "next.txt"), ".json or .ply"),
         (("-o", "scan.xyz"), ".json or .ply"),
-        (("--sensor", "digitt"), "did you mean 'digit'"),
+        (("--sensor", "digitt"), "pcsr: error: --sensor: there is no sensor 'digitt': did you mean 'digit'"),
         (("--policy", "spars"), "did you mean 'sparse'"),
         (("--touch-as-is",), "--touch, which is not given"),
         (("--touch", "nowhere"), "nowhere"),
@@ -84,9 +87,12 @@ def test_touches_so_far_are_used(run):
     options = ("--object-size", "null", "--count", 2, "--policy", "sparse", "--cloud", "scan.xyz")
     made = run("ball.stl", *options, "-o", "touches")
     assert made.exit_code == 0, made.output
+    lost = sorted(Path("touches").glob("*.ply"))[-1]
     plain, touched = run("next", "scan.xyz", "--count", 1), run("next", "scan.xyz", "--touch", "touches", "--count", 1)
     assert touched.exit_code == 0, touched.output
     assert plain.stdout != touched.stdout
+    lost.unlink()
+    assert "is skipped" in run("next", "scan.xyz", "--touch", "touches", "--count", 1).stderr
 
 
 def test_a_policy_of_a_file_is_used_everywhere(run, tmp_path):

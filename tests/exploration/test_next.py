@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def test_the_unit_and_the_frame_do_not_matter(found):
         np.testing.assert_allclose(one.pose[:3, 3] + [5000, 0, 0], 1000 * other.pose[:3, 3], atol=1e-3)
         np.testing.assert_allclose(one.pose[:3, :3], 1000 * other.pose[:3, :3], atol=1e-6)
         assert one.gain == pytest.approx(other.gain, rel=1e-6)
-    assert next_touches(SEEN @ turned.T, sensor=TIP, count=1)[0].pose[0, 2] < -0.9
+    assert next_touches(SEEN @ turned.T, sensor=TIP, count=1)[0].pose[0, 2] < -0.8
 
 
 def test_the_same_arguments_give_the_same_poses(found):
@@ -104,7 +105,12 @@ def test_a_flat_sheet_has_poses_on_it():
         ({"unit": -1.0}, "unit is -1"),
         ({"camera": (0.0, 0.0)}, r"camera is \(0.0, 0.0\): give its position as three finite numbers"),
         ({"camera": (0.0, 0.0, np.nan)}, "three finite numbers"),
-        ({"camera": tuple(SEEN.mean(0))}, "the middle of the cloud"),
+        ({"seed": -1}, "seed is -1"),
+        ({"unit": "ell"}, "unit is 'ell': name it .m, cm, mm"),
+        ({"sensor": "{a: 1}"}, "name a preset"),
+        ({"cloud": np.outer(np.linspace(0, 40, 50), [1.0, 2, 3])}, "lie on a line"),
+        ({"cloud": np.concatenate([SEEN, [[np.nan, 0, 0]]])}, "bad='drop'"),
+        ({"camera": tuple(SEEN.mean(0))}, "inside of the cloud, which reaches from"),
         ({"sensor": "digitt"}, "did you mean 'digit'"),
         ({"policy": "spars"}, "did you mean 'sparse'"),
         ({"touches": [Touch.single(SEEN[:99], None, 1000.0, "x")], "unit": 1.0, "touch_as_is": True}, "1000 mm"),
@@ -113,6 +119,82 @@ def test_a_flat_sheet_has_poses_on_it():
 def test_what_cannot_be_is_said(given, message):
     with pytest.raises(UserError, match=message):
         next_touches(**({"cloud": SEEN, "sensor": TIP} | given))
+
+
+def test_gains_fall_and_leave_no_negative_error():
+    for cloud, camera in ((SEEN, None), (SEEN, (0.0, 0.0, 90.0)), (upper(ball(900), above=-8.0), (0.0, 0.0, 90.0))):
+        found = next_touches(cloud, sensor=TIP, count=6, camera=camera)
+        gains = [touch.gain for touch in found]
+        assert gains == sorted(gains, reverse=True)
+        assert sum(gains) <= found.error + 1e-9
+
+
+def test_the_error_depends_little_on_the_candidates():
+    few, many = (next_touches(SEEN, sensor=TIP, count=1, candidates=number).error for number in (5, 320))
+    assert few == pytest.approx(many, rel=0.3)
+
+
+def test_the_assumed_direction_of_the_camera_is_told(found):
+    assert found.towards[2] > 0.9
+    assert next_touches(ball(600), sensor=TIP, count=1).towards is None
+    far = next_touches(SEEN, sensor=TIP, count=1, camera=(1e300, 0.0, 0.0))
+    np.testing.assert_allclose(far.towards, [1, 0, 0], atol=1e-12)
+    assert as_json(found)["towards_camera"] == found.towards.tolist()
+
+
+def test_units_have_names_and_faulty_points_can_be_left_out(found):
+    named = next_touches(SEEN / 1000, sensor=TIP, count=1, unit="m")
+    assert named.unit == 1000
+    np.testing.assert_allclose(1000 * named[0].pose[:3, 3], found[0].pose[:3, 3], atol=1e-6)
+    with pytest.warns(pcsr.PcsrWarning, match="not finite"):
+        dropped = next_touches(np.concatenate([SEEN, [[np.nan, 0, 0]]]), sensor=TIP, count=1, bad="drop")
+    np.testing.assert_allclose(dropped[0].pose, found[0].pose)
+
+
+def scored(scores=lambda candidates: candidates.points[:, 2], error=lambda: None):
+    class Given(pcsr.Policy):
+        def scores(self, candidates, cloud, touched):
+            return scores(candidates)
+
+        def error(self, candidates, cloud, touched):
+            return error()
+
+    return Given()
+
+
+def overwrite(candidates):
+    candidates.points[:] = 0
+    return np.zeros(len(candidates))
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        (scored(error=lambda: np.nan), "policy Given expects an error of nan: return mm² from 0 on, or None"),
+        (scored(error=lambda: -5.0), "expects an error of -5.0"),
+        (scored(error=lambda: "x"), "expects an error of 'x'"),
+        (scored(lambda candidates: [[1.0], [1.0, 2.0]]), "gave scores of shape"),
+        (scored(lambda candidates: 1 / 0), "policy Given.scores failed: ZeroDivisionError: division by zero"),
+        (scored(overwrite), "policy Given.scores failed: ValueError: assignment destination is read-only"),
+    ],
+)
+def test_faulty_policies_are_named(policy, message):
+    with pytest.raises(UserError, match=message):
+        next_touches(SEEN, sensor=TIP, policy=policy, count=1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"gel": (np.nan, 12.0)}, "gel is"),
+        ({"housing": (0.0, 18.0)}, "housing is"),
+        ({"press": (1.5, 0.5)}, "the least depth in mm, then the greatest"),
+        ({"protrusion": -1.0}, "protrusion is -1.0: give a number from 0 on"),
+    ],
+)
+def test_impossible_fingertips_are_refused(changed, message):
+    with pytest.raises(UserError, match=message):
+        replace(TIP, **changed)
 
 
 def test_a_policy_without_expectation_gives_no_gains():

@@ -17,7 +17,7 @@ DISTANCE = 3.0
 """Distance of the viewpoint from the centroid, in radii of the cloud."""
 SPHERE = 1.5
 """Decimal logarithm of the radius of the sphere at which points are reflected, in distances of the farthest point."""
-ENOUGH = 0.7
+ENOUGH = 0.8
 """Share of the points that must be visible from the best direction, if the cloud was seen from there alone."""
 AS_GOOD = 0.02
 """Directions whose share is at most this much smaller than the largest one are averaged."""
@@ -33,7 +33,7 @@ def seen_from(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"] | None
         points: the cloud, in any unit.
 
     Returns:
-        Unit vector towards the camera; None if there is no direction from which at least 70 % of the points are
+        Unit vector towards the camera; None if there is no direction from which at least 80 % of the points are
         visible, so that the cloud shows several sides of the object.
 
     Examples:
