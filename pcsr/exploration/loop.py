@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from pcsr.clouds.touch import Touch
 from pcsr.contracts import Policy, ShapeItem, TouchSource
 from pcsr.errors import UserError
-from pcsr.exploration.choosing import NextTouch, NextTouches
+from pcsr.exploration.choosing import NextTouch
 from pcsr.exploration.next import CANDIDATES, next_touches
 
 POSES = 8
@@ -72,28 +73,25 @@ def explore(
     failed = 0
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-
-        def ask(poses: int, number: int = number) -> NextTouches:
-            return next_touches(
-                cloud,
-                touches,
-                count=poses,
-                sensor=fingertip,
-                policy=policy,
-                unit=finger.unit,
-                candidates=candidates,
-                seed=count * seed + number,
-                touch_as_is=True,
-            )
-
-        found = ask(1)
-        tried = 0
-        made = None
-        while made is None and tried < len(found):
-            made = finger.touch(found[tried].pose, rng)
-            tried += 1
-            if made is None and tried == 1:
-                found = ask(POSES)  # of which the first is the same
+        ask = partial(
+            next_touches,
+            cloud,
+            touches,
+            sensor=fingertip,
+            policy=policy,
+            unit=finger.unit,
+            candidates=candidates,
+            seed=count * seed + number,
+            touch_as_is=True,
+        )
+        made, tried = None, 0
+        for asked in (1, POSES):  # the first of several poses is the one of one
+            found = ask(count=asked)
+            while made is None and tried < len(found):
+                made = finger.touch(found[tried].pose, rng)
+                tried += 1
+            if made is not None:
+                break
         failed += tried - (made is not None)
         if made is None:
             break

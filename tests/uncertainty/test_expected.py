@@ -126,3 +126,9 @@ def test_clouds_of_every_kind_and_duplicates_are_taken():
 def test_what_cannot_be_used_is_refused(points, new, predicted, said):
     with pytest.raises(UserError, match=said):
         expected_errors(points, new, predicted=predicted)
+
+
+def test_far_from_the_cloud_the_error_is_at_least_the_distance_beyond():
+    far = np.array([[0.0, 0.0, 100.0], [0.0, 0.0, 1e6], [0.0, 0.0, 0.0]])
+    errors = expected_errors(sphere(800), far)
+    assert (errors > np.array([80, 0.99e6, 5])).all()
