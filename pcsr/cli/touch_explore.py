@@ -85,8 +85,8 @@ def explore(
     pcsr touch explore part.stl --object-size 30 -o explore.png
     pcsr touch explore part.stl --plugin my_policy.py --policy my-policy --policy sparse
     """  # noqa: D301 (click's mark is the letter itself)
-    from pcsr.exploration.errors import Setting, errors_over_touches
     from pcsr.exploration.next import CANDIDATES
+    from pcsr.exploration.over_touches import Setting, errors_over_touches
     from pcsr.extras import require
     from pcsr.files import check_target
     from pcsr.model import load
