@@ -26,7 +26,7 @@ NAMES = [
     ),
     "pcsr.plugins.hookspecs.pcsr_register",
 ]
-CONTRACTS = {pcsr.contracts.Part, Protocol}
+CONTRACTS = {pcsr.contracts.Part, pcsr.contracts.SimulatedFinger, pcsr.PartChoice, Protocol}
 """What plugins derive from, and what they are given: their methods are the host's to call."""
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from pcsr.plugins.registry import Entry, Registry
     from pcsr.testing import Outcome
 
+LONGEST_LIST = 300
+"""Length of a list of known names above which a message refers to the command that prints it."""
+
 
 @click.command()
 @click.argument("name")
@@ -113,7 +116,10 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
         raise UserError(why(registry, name))
     known = {entry.name for entry in registry if kind in (None, entry.kind)}
     failed = "".join(f"; {why(registry, failure.owner)}" for failure in registry.failures)
-    raise UserError(f"there is no part and no plugin '{name}': {did_you_mean(name, known)}{failed}")
+    near = did_you_mean(name, known)
+    if len(near) > LONGEST_LIST:
+        near = "pcsr plugins list shows those that there are"
+    raise UserError(f"there is no part and no plugin '{name}': {near}{failed}")
 
 
 def _needs(entry: "Entry") -> dict[str, str]:

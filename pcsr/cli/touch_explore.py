@@ -77,7 +77,7 @@ def explore(
 ) -> None:
     """Touch a mesh in simulation, upsample its cloud with the touches so far, and touch again.
 
-    MESH is a file of a mesh. Each touch is at the first pose of `pcsr touch next` where the finger can touch; the
+    MESH is a file of a mesh. Each touch is at the first pose of pcsr touch next where the finger can touch; the
     policies know the cloud and the touches so far, not the mesh. The table has the Chamfer distance to the true surface
     after each touch, for each policy, and the number of poses at which the finger failed.
 

@@ -96,7 +96,17 @@ class ShapeSource(Part):
 
 
 class SimulatedFinger:
-    """Finger that touches one object at given poses, as a robot would."""
+    """Finger that touches one object at given poses, as a robot would.
+
+    Examples:
+        >>> class Point(pcsr.SimulatedFinger):
+        ...     unit = 1.0
+        ...
+        ...     def touch(self, pose, rng):
+        ...         return pcsr.Touch.single(pose[:3, 3][None], pose, unit=1.0, sensor="point")
+        >>> len(Point().touch(np.eye(4), np.random.default_rng(0)).points)
+        1
+    """
 
     unit: float
     """Unit of the object in mm."""

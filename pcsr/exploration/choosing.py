@@ -25,7 +25,12 @@ LEAST_GAIN = 0.0005
 
 @dataclass(frozen=True)
 class NextTouch:
-    """Pose at which the finger should touch next."""
+    """Pose at which the finger should touch next.
+
+    Examples:
+        >>> pcsr.NextTouch(np.eye(4), gain=0.5, share=0.1, contact_area=80.0, guessed=False).gain
+        0.5
+    """
 
     pose: Float[np.ndarray, "4 4"]
     """From mm in the frame of the sensor to the frame and unit of the cloud, as `Touch.poses`: its origin is where the
@@ -43,7 +48,15 @@ class NextTouch:
 
 @dataclass(frozen=True)
 class NextTouches(Sequence[NextTouch]):
-    """Poses to touch in this order."""
+    """Poses to touch in this order.
+
+    Examples:
+        >>> ball = np.random.default_rng(0).normal(size=(400, 3))
+        >>> ball *= 15 / np.linalg.norm(ball, axis=1, keepdims=True)
+        >>> found = pcsr.next_touches(ball, count=2)
+        >>> len(found), found.towards is None, found[0].gain >= found[1].gain
+        (2, True, True)
+    """
 
     touches: tuple[NextTouch, ...]
     error: float | None
