@@ -118,7 +118,7 @@ def _found(name: str, kind: str | None, registry: "Registry") -> "list[Entry]":
     failed = "".join(f"; {why(registry, failure.owner)}" for failure in registry.failures)
     near = did_you_mean(name, known)
     if len(near) > LONGEST_LIST:
-        near = "pcsr plugins list shows those that there are"
+        near = "pcsr plugins lists those that there are"
     raise UserError(f"there is no part and no plugin '{name}': {near}{failed}")
 
 
