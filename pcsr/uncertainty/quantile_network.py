@@ -13,7 +13,7 @@ from jaxtyping import Float
 LIMIT = 4.0
 """Largest absolute value of a standardised feature; others are clipped, so that unusual clouds give no wild errors."""
 RESOLUTION = 0.005
-"""Errors below this, in spacings, are hardly told apart: the network predicts the logarithm of the error plus this."""
+"""Errors below this, in spacings, hardly count: the network predicts the logarithm of the error plus this."""
 SMALLEST = 0.001
 """Smallest predicted error, in spacings."""
 LAYERS = 3
