@@ -22,7 +22,7 @@ def written(path):
     return re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
 
 
-def keeps_touched_points(path):
+def anchors(path):
     """Of a page's headings, as forges and MkDocs make them."""
     heads = re.findall(r"^#+ (.*)$", written(path), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
@@ -47,7 +47,7 @@ def test_links_lead_to_pages_and_headings(path):
         assert target.exists(), page
         assert target.is_relative_to(ROOT), page
         if anchor and target.suffix == ".md":
-            assert anchor[1:] in keeps_touched_points(target), page + anchor
+            assert anchor[1:] in anchors(target), page + anchor
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -3,7 +3,7 @@
 The Chamfer distance from the new points to the true ones is for the most part the gaps between the true ones, so it
 says little of whether a point lies on the surface. And where the sparse points are some of the true ones, it rewards
 whoever draws new points to them. A network that learns by it comes to lie worse on smooth surfaces than interpolation
-does, and less evenly (RESULTS.md, "PU-GAN's shapes"). Here the target-to-prediction term is the Chamfer term. The
+does, and less evenly (docs/accuracy.md, "PU-GAN's shapes"). Here the target-to-prediction term is the Chamfer term. The
 prediction-to-target term is a point-to-plane distance (Chen and Medioni, "Object modelling by registration of multiple
 range images", Image and Vision Computing 1992, Eq. 4) to a plane fitted around the nearest target point; beyond one
 target spacing it is point-to-point. The spacing is the mean over the cloud, so the truth has to be evenly sampled.
