@@ -43,16 +43,17 @@ STUDY = Path("fusions/study")
 MEASURED = "snapshots.json"
 Numbers = Mapping[str, Sequence[float]]
 """Chamfer distance of each test object: `without` touch, with its `own` touches, with those of an `other` object, and
-`replaced`: without touch, the touched region replaced by the truth."""
+`replaced`: without touch, the touched region replaced by the truth. `moved` is that of the network's own two results,
+without touch and with touches."""
 Rows = dict[str, dict[int, list[Numbers]]]
 """Row to step to the numbers of each seed."""
 COLUMNS = ("row", "seeds", "step", "cd without touch", "with touches", "with another object's", EFFICIENCY)
-COLUMNS += (f"{EFFICIENCY} of another object's",)
+COLUMNS += (f"{EFFICIENCY} of another object's", "change of the result by touch")
 
 
 def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
     """Upsample each object of a split without touch, with its touches and with those of the next object."""
-    numbers: dict[str, list[float]] = {name: [] for name in ("without", "own", "other", "replaced")}
+    numbers: dict[str, list[float]] = {name: [] for name in ("without", "own", "other", "replaced", "moved")}
     touches = [list(some[: recipe.data.touches].numpy()) for some in split.touches]
     for i, truth in enumerate(split.truth):
         given = {"without": [], "own": touches[i], "other": touches[(i + 1) % len(split)]}
@@ -64,6 +65,7 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
         clouds["replaced"] = replace_region(clouds["without"], truth, region)
         for name, cloud in clouds.items():
             numbers[name].append(float(chamfer(cloud[None], truth[None])[0]))
+        numbers["moved"].append(float(chamfer(clouds["own"][None], clouds["without"][None])[0]))
     return numbers
 
 
@@ -78,7 +80,7 @@ def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
             continue
         card = read_card(weights)
         entry = known.get(weights.name)
-        if entry is None or entry["sha256"] != card["sha256"]:
+        if entry is None or entry["sha256"] != card["sha256"] or "moved" not in entry["cd"]:
             network, recipe, _ = load_weights(weights, registry)
             split = _test_split(folder.parent / "data" / card["data_fingerprint"][:12])
             known[weights.name] = entry = {"sha256": card["sha256"], "cd": measure(network, recipe, split)}
@@ -149,6 +151,7 @@ def table(rows: Rows) -> list[list[str]]:
         seeds = by_step[step]
         cells = [efficiency_cell(means(seeds, name)) for name in ("without", "own", "other")]
         cells += [efficiency_cell(shares(seeds, name)) for name in ("own", "other")]
+        cells.append(efficiency_cell(means(seeds, "moved")))
         lines.append([f"`{row}`", str(len(seeds)), f"{step:,}", *cells])
     return lines
 

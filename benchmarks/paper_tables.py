@@ -8,6 +8,7 @@ are those of the recipes, in brackets.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 import click
@@ -45,12 +46,18 @@ ROWS4 = {
 """Rows of Table 4 by the names in the recipe."""
 
 
+@cache
+def names(study: str) -> list[str]:
+    """Return the names of a study's runs, with that of the study and the seed."""
+    return [recipe.name for recipe in load(Path(study), load_plugins())]
+
+
 def finished(runs: Path, study: str) -> Found:
     """Return the finished runs of a study. Rows that are not finished are missing."""
     found: Found = {}
-    for recipe in load(Path(study), load_plugins()):
-        name = SEED.sub("", recipe.name).removeprefix(f"{study}-")
-        folders = [path.parent for path in runs.glob(f"{recipe.name}-????????/{RESULTS}")]
+    for full in names(study):
+        name = SEED.sub("", full).removeprefix(f"{study}-")
+        folders = [path.parent for path in runs.glob(f"{full}-????????/{RESULTS}")]
         if folders:  # of several the newest
             newest = max(folders, key=lambda folder: (folder / RESULTS).stat().st_mtime)
             found.setdefault(name, []).append(read_results_of(newest))

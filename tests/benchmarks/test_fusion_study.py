@@ -75,7 +75,9 @@ def test_an_object_is_measured_without_touch_with_its_touches_and_with_those_of_
         dense["replaced"] = torch.cat([dense["without"][~region[near]], truth[region]])
         for name, cloud in dense.items():
             assert numbers[name][i] == pytest.approx(float(chamfer(cloud[None], truth[None])), rel=1e-5), name
-    assert len(set(np.round([numbers[name][0] for name in numbers], 9))) == 4
+        moved = chamfer(dense["own"][None], dense["without"][None])
+        assert numbers["moved"][i] == pytest.approx(float(moved), rel=1e-5)
+    assert len(set(np.round([numbers[name][0] for name in numbers], 9))) == 5
 
 
 def test_rows_are_those_of_the_study_in_its_order_and_runs_of_one_row_are_its_seeds(run, tmp_path):
@@ -118,7 +120,8 @@ def test_without_snapshots_it_says_what_makes_some(tmp_path):
 
 
 def numbers(without, own, other, replaced):
-    return {"without": without, "own": own, "other": other, "replaced": replaced}
+    moved = np.subtract(without, own).tolist()
+    return {"without": without, "own": own, "other": other, "replaced": replaced, "moved": moved}
 
 
 ROWS = {
@@ -132,8 +135,18 @@ ROWS = {
 
 def test_a_line_is_of_the_last_step_that_all_seeds_have_reached():
     assert study.table(ROWS) == [
-        ["`a`", "2", "1", "3.000 ± 0.000", "2.500 ± 0.000", "3.000 ± 0.000", "0.250 ± 0.000", "0.000 ± 0.000"],
-        ["`b`", "1", "5", "3.000", "3.000", "3.000", "–", "–"],
+        [
+            "`a`",
+            "2",
+            "1",
+            "3.000 ± 0.000",
+            "2.500 ± 0.000",
+            "3.000 ± 0.000",
+            "0.250 ± 0.000",
+            "0.000 ± 0.000",
+            "0.500 ± 0.000",
+        ],
+        ["`b`", "1", "5", "3.000", "3.000", "3.000", "–", "–", "0.000"],
     ]
     assert study.over_steps(ROWS) == [["row", "1", "5"], ["`a`", "0.250 ± 0.000", "0.500"], ["`b`", "–", "–"]]
 

@@ -1,0 +1,134 @@
+"""benchmarks/paper_tables.py: which runs count, and what the tables say of them."""
+
+import importlib
+import json
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tests.small_run import put, unfinish
+
+ROOT = Path(__file__).parents[2]
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(str(ROOT / "benchmarks"))
+    tables = importlib.import_module("paper_tables")
+
+
+def change(folder, **results):
+    path = folder / "results.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | results))
+    return folder
+
+
+def effect(touched, plain, replaced):
+    """Of touch on eight objects."""
+    each = {"touched": [touched] * 8, "plain": [plain] * 8, "replaced": [replaced] * 8}
+    return {**each, "seconds": 0.1, "edges": [0.0], "counts": [1], "errors": {}}
+
+
+def published(folder, **values):
+    path = folder / "results.json"
+    found = json.loads(path.read_text())
+    found["recipe"]["evaluate"] = {"published": values}
+    path.write_text(json.dumps(found))
+
+
+@pytest.fixture
+def runs(tmp_path):
+    return tmp_path / "runs"
+
+
+def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
+    for name, fusion, folder in (
+        ("table2-tapsr", "iterative", "table2-tapsr-00000001"),
+        ("table2-pu-gcn-touch-edge-conv", "edge-conv", "table2-pu-gcn-touch-edge-conv-00000002"),
+        ("table2-pu-gcn-touch", "iterative", "table2-pu-gcn-touch-00000003"),
+        ("table2-pu-gcn", "none", "table2-pu-gcn-00000004"),
+    ):
+        put(runs / folder, name, fusion=fusion)
+    unfinish(put(runs / "table2-mpu-00000005", "table2-mpu"))
+    put(runs / "other-00000006", "other")
+    change(runs / "table2-pu-gcn-touch-00000003", touch=effect(0.9, 1.0, 0.6))
+    published(runs / "table2-tapsr-00000001", cd=0.671)
+    columns, lines = tables.table2(tables.finished(runs, "table2"))
+    assert [line[:2] for line in lines] == [
+        ["pu-gcn", "–"],
+        ["pu-gcn", "the paper's fusion"],
+        ["pu-gcn", "points kept"],
+        ["tapsr", "the paper's fusion"],
+        ["midpoint", ""],
+    ]
+    shares = [line[columns.index("touch efficiency")] for line in lines]
+    assert shares == ["–", "0.250", "–", "–", ""]
+    assert lines[3][columns.index("cd")].endswith("(0.671)")
+    values = json.loads((runs / "table2-pu-gcn-00000004/results.json").read_text())["methods"][0]["values"]["cd"]
+    assert lines[0][columns.index("cd")].startswith(f"{1e3 * sum(values) / 8:.3f} ± ")
+
+
+def test_of_several_runs_of_a_row_the_newest_counts(runs):
+    for name, time in (("00000001", 100), ("00000002", 300), ("00000003", 200)):
+        folder = put(runs / f"table2-mpu-{name}", "table2-mpu")
+        os.utime(folder / "results.json", (time, time))
+    (found,) = tables.finished(runs, "table2").values()
+    assert [run.folder.name for run in found] == ["table2-mpu-00000002"]
+
+
+def test_the_last_quarter_is_the_change_of_the_validation_error(runs):
+    folder = put(runs / "table2-mpu-00000001", "table2-mpu")
+    errors = [8, 7, 6, 5, 4, 4, 4, 3]
+    lines = [{"epoch": 1, "step": 10 * k, "validation": {"cd": error}} for k, error in enumerate(errors, 1)]
+    (folder / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    (run,) = tables.finished(runs, "table2")["mpu"]
+    assert tables.last_quarter(run) == "-25.0 %"
+    (folder / "metrics.jsonl").unlink()
+    (run,) = tables.finished(runs, "table2")["mpu"]
+    assert tables.last_quarter(run) == ""
+
+
+def of_table4(runs, row, touches, factor, seeds=(0, 1)):
+    for seed in seeds:
+        name = f"table4-{row}-touches.{touches}-seed.{seed}"
+        put(runs / f"{name}-0000000{seed}", name, seed=seed, factor=factor, touches=touches, row=row)
+
+
+def test_table_4_has_a_column_for_each_number_of_touches(runs):
+    of_table4(runs, "tapsr", 0, 1.0)
+    of_table4(runs, "tapsr", 4, 0.5)
+    of_table4(runs, "pu-transformer", 0, 2.0)
+    columns, lines = tables.table4(tables.finished(runs, "table4"))
+    assert [line[0] for line in lines] == ["PU-Transformer alone", "TAPSR: FE and FF blocks"]
+    alone, tapsr = ([line[1 + count] for count in range(6)] for line in lines)
+    assert [bool(text) for text in alone] == [True, False, False, False, False, False]
+    assert [bool(text) for text in tapsr] == [True, False, False, False, True, False]
+    assert float(tapsr[4].split()[0]) == pytest.approx(float(tapsr[0].split()[0]) / 2, rel=0.01)
+    assert len(columns) == len(lines[0])
+
+
+def test_differences_are_of_the_control_and_each_network_counts_once(runs):
+    of_table4(runs, "control", 0, 1.0)
+    of_table4(runs, "tapsr", 0, 3.0)
+    of_table4(runs, "tapsr", 4, 0.5)
+    of_table4(runs, "pu-transformer", 0, 2.0)
+    _, lines = tables.differences4(tables.finished(runs, "table4"))
+    assert [line[0] for line in lines] == ["PU-Transformer alone", "TAPSR: FE and FF blocks"]
+    worse, better = lines
+    assert float(worse[1]) > 1
+    assert float(better[1]) < -0.5
+    assert worse[4:] == ["0/8", "0/2"]
+    assert better[4:] == ["8/8", "2/2"]
+
+
+def test_differences_need_the_control(runs):
+    of_table4(runs, "tapsr", 4, 0.5)
+    with pytest.raises(tables.UserError, match="need its control: `pcsr run table4`"):
+        tables.differences4(tables.finished(runs, "table4"))
+
+
+def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
+    put(runs / "table3-tapsr-rate.16-00000001", "table3-tapsr-rate.16")
+    done = CliRunner().invoke(tables.main, [str(runs)])
+    assert done.exit_code == 0, done.output
+    assert "table-3" in done.output
+    assert "table-2: left out" in done.output
