@@ -21,6 +21,8 @@ Cloud = Float[np.ndarray, "_ 3"]
 RESULTS, EXAMPLES, HISTORY = "results.json", "examples.safetensors", "metrics.jsonl"
 RECIPE, ENVIRONMENT, CHECKPOINT = "recipe.json", "environment.json", "checkpoint.safetensors"
 REPORT = "report.html"
+KNOWN_BY = (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY, EXAMPLES)
+"""Names of the files by which run folders are known."""
 PLUGINS = "plugins"
 """Folder, within a run folder, of the copies of plugin files."""
 
@@ -84,7 +86,12 @@ def read_results_of(folder: Path) -> FinishedRun:
 
 def is_run_folder(folder: Path) -> bool:
     """Whether a folder holds a file by which run folders are known."""
-    return any((folder / name).is_file() for name in (RESULTS, RECIPE, WEIGHTS, CHECKPOINT, HISTORY, EXAMPLES))
+    return any((folder / name).is_file() for name in KNOWN_BY)
+
+
+def is_file_of_run(path: Path) -> bool:
+    """Whether a path is that of a file by which run folders are known, in such a folder."""
+    return path.name in KNOWN_BY and path.is_file()
 
 
 def check_run_folder(folder: Path) -> None:

@@ -33,14 +33,17 @@ def table_files(options: dict[str, Any]) -> dict[str, Path]:
     """Return the files that the options of `table_options` name, by format, after a check that needs no tables.
 
     Raises:
-        UserError: two are the same file, or one cannot be a file.
+        UserError: two are the same file, one cannot be a file, or is a file of a run.
     """
     from pcsr.files import check_target
+    from pcsr.run_files import is_file_of_run
 
     files = {form: options[form] for form in FORMATS if options[form] is not None}
     named: dict[str, str] = {}
     for form, path in files.items():
         check_target(path)
+        if is_file_of_run(path):
+            raise UserError(f"--{form}: {path} is a file of a run, which the tables would replace: name another")
         if (other := named.setdefault(os.path.realpath(path), form)) != form:
             raise UserError(f"--{other} and --{form} name the same file, {path}: name two")
     return files

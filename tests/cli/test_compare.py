@@ -208,6 +208,10 @@ def test_unfinished_and_damaged_runs_are_left_out_and_said(compare, tmp_path):
         (("page.html",), "no run folder or recipe is named"),
         (("smoke", "--latex", "empty"), "empty is a folder, and would be replaced by a file"),
         (("smoke", "--latex", "x", "--csv", "./x"), "--latex and --csv name the same file, x: name two"),
+        (
+            ("smoke", "--markdown", "a/results.json"),
+            "--markdown: a/results.json is a file of a run, which the tables would replace: name another",
+        ),
     ],
 )
 def test_mistakes_in_what_is_compared_are_named(compare, tmp_path, words, why):
