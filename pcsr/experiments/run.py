@@ -21,8 +21,9 @@ from pcsr.data.plan import packages as data_packages
 from pcsr.data.source import data_of
 from pcsr.errors import PcsrWarning, UserError
 from pcsr.experiments.environment import record
-from pcsr.experiments.evaluation import Evaluation, evaluate, methods, metrics_of
+from pcsr.experiments.evaluation import Evaluation, evaluate, metrics_of
 from pcsr.experiments.finished_runs import finished_results
+from pcsr.experiments.methods import methods
 from pcsr.experiments.run_options import RunOptions, run_folder
 from pcsr.experiments.train import initial
 from pcsr.experiments.trained_network import trained

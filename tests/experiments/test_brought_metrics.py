@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 import pcsr
 from pcsr.cli import pcsr as command
-from pcsr.experiments.evaluation import upsampled
+from pcsr.experiments.methods import upsampled
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import RecipeError, load
 

@@ -15,7 +15,8 @@ import pcsr
 from pcsr.data.dataset import Split
 from pcsr.data.sample import make_sample
 from pcsr.errors import UserError
-from pcsr.experiments.evaluation import Method, bound_stream, evaluate, methods
+from pcsr.experiments.evaluation import evaluate
+from pcsr.experiments.methods import Method, bound_stream, methods
 from pcsr.experiments.run import results_of
 from pcsr.metrics import METRICS
 from pcsr.network.build import build

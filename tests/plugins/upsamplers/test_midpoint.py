@@ -10,7 +10,7 @@ from torch import nn
 
 import pcsr
 from pcsr import Trait, UserError, Widths
-from pcsr.experiments.evaluation import methods
+from pcsr.experiments.methods import methods
 from pcsr.geometry.interpolation import midpoint
 from pcsr.geometry.ordering import along, hilbert_order
 from pcsr.metrics.chamfer import chamfer
