@@ -1,6 +1,6 @@
-"""Tables 2 to 4 of the paper with numbers of ours, of the rows that are finished.
+"""Tables 2 to 5 of the paper with numbers of ours, of the rows that are finished.
 
-pcsr run table2; pcsr run table3; pcsr run table4
+pcsr run table2; pcsr run table3; pcsr run table4; pcsr run table5
 python benchmarks/paper_tables.py RUNS [--save]
 
 Weights, error of each object and touch efficiency are those of `results.json` in each run folder; the paper's numbers
@@ -15,11 +15,11 @@ import click
 from rich.console import Console
 from saved import save, show
 
-from pcsr.errors import PcsrError, UserError
-from pcsr.metrics.touch_effect import EFFICIENCY
+from pcsr.errors import PcsrError
+from pcsr.metrics.touch_effect import EFFICIENCY, EXCHANGED
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.report.tables.comparison import Comparison, comparison
+from pcsr.report.tables.comparison import Comparison, Difference, comparison
 from pcsr.report.tables.rows import SEED, Row
 from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import RESULTS, FinishedRun, read_results_of
@@ -44,6 +44,8 @@ ROWS4 = {
     "frames": "ours: `frames`",
 }
 """Rows of Table 4 by the names in the recipe."""
+DIFFERENCE = ("cd, difference", "share", "95 % interval", "p (Holm)", "better objects", "better seeds")
+"""Columns of a paired difference, as `pcsr compare` computes it."""
 
 
 @cache
@@ -101,7 +103,7 @@ def last_quarter(run: FinishedRun) -> str:
 def table2(found: Found) -> Table:
     """A row for each network and kind of touch, then the baselines; ± over objects."""
     made, rows = compared(found, "table2")
-    columns = ["network", "touch", "weights", *made.metrics, EFFICIENCY, "last quarter", "min"]
+    columns = ["network", "touch", "weights", *made.metrics, EFFICIENCY, EXCHANGED, "last quarter", "min"]
     lines = []
     for name, runs in found.items():
         training = runs[0].results.training
@@ -112,12 +114,13 @@ def table2(found: Found) -> Table:
                 f"{rows[name].parameters / 1e3:,.0f} K",
                 *(cell(rows[name], metric) for metric in made.metrics),
                 efficiency_cell(rows[name].efficiencies or ()),
+                efficiency_cell(rows[name].exchanged),
                 last_quarter(runs[0]),
                 "" if training.seconds is None else f"{training.seconds / 60:.0f}",
             ]
         )
     baselines = {name: row for name, row in rows.items() if name not in found}
-    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 3] for name, row in baselines.items()]
+    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 4] for name, row in baselines.items()]
     return columns, lines
 
 
@@ -145,32 +148,60 @@ def table4(found: Found) -> Table:
     return ["", "no touch", "1 touch", *(f"{count} touches" for count in COUNTS[2:]), f"{EFFICIENCY} at {USED}"], lines
 
 
+def table5(found: Found) -> Table:
+    """Seconds of a training epoch and milliseconds of a cloud, a column for each number of touches."""
+    _, rows = compared(found, "table5")
+    each = [rows[name] for name in found]
+    epochs = [f"{row.epoch:.1f} ({row.published['s/epoch']:g})" for row in each if row.epoch is not None]
+    clouds = [f"{1e3 * row.seconds:.0f} ({1e3 * row.published['s/cloud']:g})" for row in each]
+    return ["touches", *(str(row.runs[0].data.touches) for row in each)], [["s/epoch", *epochs], ["ms/cloud", *clouds]]
+
+
+def grafts2(found: Found) -> Table:
+    """Each network of Table 2 with touch minus the same one alone."""
+    lines = []
+    for alone in found:
+        of_network = [name for name in (alone, f"{alone}-touch", f"{alone}-touch-edge-conv") if name in found]
+        if "-touch" in alone or len(of_network) < 2:
+            continue
+        made, rows = compared({name: found[name] for name in of_network}, "table2")
+        for name, difference in zip(of_network[1:], made.differences["cd"][1:], strict=False):
+            touch = TOUCH[found[name][0].results.recipe["model"]["fusion"]["use"]]
+            lines.append([alone, touch, *_cells(difference, rows[alone], rows[name])])
+    return ["network", "touch", *DIFFERENCE], lines
+
+
 def differences4(found: Found) -> Table:
     """Each row of Table 4 with four touches, or without if it has none, minus the control without touch."""
     order = ["control", *(row for row in ROWS4 if row != "control")]
     chosen = [name for row in order for name in (f"{row}-touches.{USED}", f"{row}-touches.0") if name in found]
     chosen = [name for name in chosen if not name.endswith("touches.0") or name[:-1] + str(USED) not in found]
-    if chosen[:1] != ["control-touches.0"]:
-        raise UserError("the differences of Table 4 need its control: `pcsr run table4` trains it")
-    made, rows = compared({name: found[name] for name in chosen}, "table4")
     lines = []
-    for name, difference in zip(chosen, made.differences["cd"], strict=False):
-        if difference is None or difference.interval is None or difference.p_value is None:
-            continue
-        row = ROWS4[name.rpartition("-")[0]]
-        low, high = difference.interval
-        seeds = "" if difference.better_seeds is None else f"{difference.better_seeds}/{len(rows[name].seeds)}"
-        wins = f"{difference.wins}/{len(rows[name].of_objects('cd'))}"
-        interval = f"[{low:+.3f}, {high:+.3f}]"
-        lines.append([row, f"{difference.mean:+.3f}", interval, f"{difference.p_value:.2g}", wins, seeds])
-    return ["", "cd, difference from the control", "95 % interval", "p (Holm)", "better objects", "better seeds"], lines
+    if chosen[:1] == ["control-touches.0"]:
+        made, rows = compared({name: found[name] for name in chosen}, "table4")
+        for name, difference in zip(chosen[1:], made.differences["cd"][1:], strict=False):
+            lines.append([ROWS4[name.rpartition("-")[0]], *_cells(difference, rows[chosen[0]], rows[name])])
+    return ["", *DIFFERENCE], lines
+
+
+def _cells(difference: Difference | None, first: Row, row: Row) -> list[str]:
+    """The cells of a paired difference from the first row."""
+    if difference is None or difference.interval is None or difference.p_value is None:
+        return [""] * len(DIFFERENCE)
+    low, high = difference.interval
+    share = f"{100 * difference.mean / first.mean('cd'):+.1f} %"
+    seeds = "" if difference.better_seeds is None else f"{difference.better_seeds}/{len(row.seeds)}"
+    wins = f"{difference.wins}/{len(row.of_objects('cd'))}"
+    return [f"{difference.mean:+.3f}", share, f"[{low:+.3f}, {high:+.3f}]", f"{difference.p_value:.2g}", wins, seeds]
 
 
 TABLES: dict[str, tuple[str, Callable[[Found], Table]]] = {
     "table-2": ("table2", table2),
+    "table-2-grafts": ("table2", grafts2),
     "table-3": ("table3", table3),
     "table-4": ("table4", table4),
     "table-4-differences": ("table4", differences4),
+    "table-5": ("table5", table5),
 }
 """Each table by the name of its file: the study, and what makes the table of its runs."""
 
@@ -184,10 +215,10 @@ def main(runs: Path, saving: bool) -> None:
     try:
         for name, (study, make) in TABLES.items():
             found = finished(runs, study)
-            if not found:
-                console.print(f"{name}: left out, {runs} has no finished run of {study}", soft_wrap=True)
+            columns, rows = make(found) if found else ((), [])
+            if not rows:
+                console.print(f"{name}: left out, as its runs in {runs} are not finished", soft_wrap=True)
                 continue
-            columns, rows = make(found)
             show(columns, rows, title=name)
             if saving:
                 save(name, f"pcsr run {study}; python benchmarks/paper_tables.py runs --save", columns, rows)

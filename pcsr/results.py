@@ -189,9 +189,10 @@ class Results(BaseModel):
                 if found != len(self.objects):
                     raise ValueError(f"'{method.name}' has {found} values of {metric} for {len(self.objects)} objects")
         if self.touch is not None:
-            for key in ("touched", "plain", "replaced"):
-                if (found := len(getattr(self.touch, key))) != len(self.objects):
-                    raise ValueError(f"touch.{key} has {found} values for {len(self.objects)} objects")
+            for key in ("touched", "plain", "replaced", "exchanged"):
+                values = getattr(self.touch, key)
+                if values is not None and len(values) != len(self.objects):
+                    raise ValueError(f"touch.{key} has {len(values)} values for {len(self.objects)} objects")
         if self.data.radii is not None and len(self.data.radii) != len(self.objects):
             raise ValueError(f"data.radii has {len(self.data.radii)} values for {len(self.objects)} objects")
         return self

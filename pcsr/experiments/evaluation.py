@@ -58,8 +58,8 @@ def evaluate(
     """Upsample every object with every method, and compute the metrics of the dense clouds.
 
     All metrics are computed in the frame in which the true dense cloud fills the unit sphere. With touches, the first
-    method also upsamples each object without touches, which measures the effect of touch. The time of this second pass
-    is not part of the method's `seconds`.
+    method also upsamples each object without touches, and with those of the next object if touches enter it as features
+    alone: both measure the effect of touch. The time of these passes is not part of the method's `seconds`.
 
     Args:
         recipe: recipe with the number of touches and the names of the metrics.
@@ -77,18 +77,20 @@ def evaluate(
     meshes = _meshes(recipe, registry, compared, split)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # Windows has none
     runs: list[_Timed] = []
-    plain = _Timed([], [])
+    plain, exchanged = _Timed([], []), _Timed([], [])
     used: list[int] = []
     for position, method in enumerate(compared):
         runs.append(_Timed([], []))
         with threads(method.threads) as count:
             used.append(count)
             for i, mesh in enumerate(meshes):
-                points, touches = split.points[i].numpy(), list(split.touches[i][: recipe.data.touches].numpy())
+                points, touches = split.points[i].numpy(), _touches(recipe, split, i)
                 if method.upsample is not None:
                     runs[-1].add(method.upsample, points, touches)
                     if position == 0 and recipe.data.touches:
                         plain.add(method.upsample, points, [])
+                        if method.exchange_touches and len(split) > 1:
+                            exchanged.add(method.upsample, points, _touches(recipe, split, (i + 1) % len(split)))
                 elif method.bound is not None:
                     stream = bound_stream(recipe.data_seed, split.names[i])
                     runs[-1].add(upsampled, method.name, method.bound, points, recipe.data.rate, mesh, stream)
@@ -102,7 +104,7 @@ def evaluate(
         for cloud, truth, mesh in zip(timed.clouds, split.truth, meshes, strict=True)
     ]
     values_of_tasks = _measured(tasks, here, jobs, advance)
-    touch = _touch_effect(recipe, split, compared, runs, plain) if plain.clouds else None
+    touch = _touch_effect(recipe, split, compared, runs, plain, exchanged) if plain.clouds else None
     results = []
     for method, timed in zip(compared, runs, strict=True):
         rows = [next(values_of_tasks) for _ in range(len(split))]
@@ -137,6 +139,11 @@ class _Task:
     mesh: Mesh | None
 
 
+def _touches(recipe: Recipe, split: Split, i: int) -> list[Cloud]:
+    """Return the touches of an object, as many as the recipe uses."""
+    return list(split.touches[i][: recipe.data.touches].numpy())
+
+
 def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], split: Split) -> list[Mesh | None]:
     """Return vertices and faces of each object in the frame of the truth; `None` if no metric or method needs them."""
     if not any(registry.get("metric", name).needs_mesh for name in recipe.evaluate.metrics) and all(
@@ -152,7 +159,12 @@ def _meshes(recipe: Recipe, registry: Registry, compared: Sequence[Method], spli
 
 
 def _touch_effect(
-    recipe: Recipe, split: Split, compared: Sequence[Method], runs: Sequence[_Timed], plain: _Timed
+    recipe: Recipe,
+    split: Split,
+    compared: Sequence[Method],
+    runs: Sequence[_Timed],
+    plain: _Timed,
+    exchanged: _Timed,
 ) -> TouchEffect:
     """Compute the effect of touch on the first method."""
     touches = [touch[: recipe.data.touches] for touch in split.touches]
@@ -169,6 +181,7 @@ def _touch_effect(
         dict(zip((method.name for method in compared[1:]), others, strict=True)),
         compared[0].name,
         plain.median,
+        [_tensor(cloud) for cloud in exchanged.clouds] or None,
     )
 
 

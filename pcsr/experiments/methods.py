@@ -36,6 +36,9 @@ class Method:
     """Largest number of torch's threads."""
     protocol: str | None = None
     """Name of the way in which the network makes a cloud dense; `None` for baselines."""
+    exchange_touches: bool = False
+    """Whether it also upsamples each object with the touches of another one: networks that get touches as features,
+    and not as points of the cloud or of the result."""
 
 
 def methods(recipe: Recipe, network: AnyNetwork, registry: Registry) -> list[Method]:
@@ -52,6 +55,7 @@ def methods(recipe: Recipe, network: AnyNetwork, registry: Registry) -> list[Met
         lambda points, touches: upsample_as(recipe, network, points, touches, trained=trained),
         threads=thread_limit(recipe, network),
         protocol=protocol(recipe, network),
+        exchange_touches=network.fusion.uses_touch_features and not network.fusion.keeps_touched_points,
     )
     baselines = {name: registry.get("baseline", name)() for name in recipe.evaluate.baselines}
     return [own, *(_baseline_method(name, baseline, recipe) for name, baseline in baselines.items())]

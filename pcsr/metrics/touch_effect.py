@@ -18,6 +18,10 @@ DEFINITION = (
     "what touch takes off the mean Chamfer distance, as a share of what it would take off if the touched region came "
     "out without error: (without - with) / (without - touched region replaced by the truth)"
 )
+EXCHANGED = "another object's"
+EXCHANGED_DEFINITION = (
+    "the same with the touches of another object, which tell nothing of this one: what they take off is no use of touch"
+)
 
 
 class TouchEffect(BaseModel):
@@ -33,6 +37,10 @@ class TouchEffect(BaseModel):
     """Chamfer distance without touches."""
     replaced: list[FiniteFloat]
     """Chamfer distance without touches, after the touched region was replaced by the truth (`replace_region`)."""
+    exchanged: list[FiniteFloat] | None = None
+    """Chamfer distance with the touches of another object, which shows whether it matters what was touched. None where
+    touched points are part of the cloud or of the result, in which those of another object would lie wrong; of a single
+    object; and in results of pcsr 0.2 and older."""
     seconds: float
     """Median wall time for a cloud without touches; the mean in results of pcsr 0.1.0."""
     edges: list[FiniteFloat]
@@ -46,6 +54,11 @@ class TouchEffect(BaseModel):
     def efficiency(self) -> float | None:
         """Touch efficiency over all objects; None where the touched region holds no error."""
         return efficiency(self.touched, self.plain, self.replaced)
+
+    @property
+    def exchanged_efficiency(self) -> float | None:
+        """Touch efficiency of the touches of another object; None where they were not measured."""
+        return None if self.exchanged is None else efficiency(self.exchanged, self.plain, self.replaced)
 
     @model_validator(mode="after")
     def _check_lengths(self) -> "TouchEffect":
@@ -126,6 +139,7 @@ def touch_effect(
     others: Mapping[str, Sequence[Float[Tensor, "_ 3"]]],
     name: str,
     seconds: float,
+    exchanged: Sequence[Float[Tensor, "_ 3"]] | None = None,
 ) -> TouchEffect:
     """Measure the effect of touch on one network.
 
@@ -140,6 +154,7 @@ def touch_effect(
         others: dense clouds of baselines by name, for the errors by distance.
         name: name of the network.
         seconds: wall time for a cloud without touches.
+        exchanged: dense clouds of the network with the touches of another object.
 
     Raises:
         RunError: a cloud is empty, or a coordinate is not finite.
@@ -156,6 +171,7 @@ def touch_effect(
         touched=_chamfer(touched, truth),
         plain=_chamfer(plain, truth),
         replaced=_chamfer(replaced, truth),
+        exchanged=None if exchanged is None else _chamfer(exchanged, truth),
         seconds=seconds,
         edges=list(EDGES),
         counts=counts.tolist(),

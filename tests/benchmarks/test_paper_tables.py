@@ -50,7 +50,7 @@ def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
         put(runs / folder, name, fusion=fusion)
     unfinish(put(runs / "table2-mpu-00000005", "table2-mpu"))
     put(runs / "other-00000006", "other")
-    change(runs / "table2-pu-gcn-touch-00000003", touch=effect(0.9, 1.0, 0.6))
+    change(runs / "table2-pu-gcn-touch-00000003", touch=effect(0.9, 1.0, 0.6) | {"exchanged": [0.95] * 8})
     published(runs / "table2-tapsr-00000001", cd=0.671)
     columns, lines = tables.table2(tables.finished(runs, "table2"))
     assert [line[:2] for line in lines] == [
@@ -62,6 +62,8 @@ def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
     ]
     shares = [line[columns.index("touch efficiency")] for line in lines]
     assert shares == ["–", "0.250", "–", "–", ""]
+    assert lines[1][columns.index("another object's")] == "0.125"
+    assert {len(line) for line in lines} == {len(columns)}
     assert lines[3][columns.index("cd")].endswith("(0.671)")
     values = json.loads((runs / "table2-pu-gcn-00000004/results.json").read_text())["methods"][0]["values"]["cd"]
     assert lines[0][columns.index("cd")].startswith(f"{1e3 * sum(values) / 8:.3f} ± ")
@@ -116,14 +118,41 @@ def test_differences_are_of_the_control_and_each_network_counts_once(runs):
     worse, better = lines
     assert float(worse[1]) > 1
     assert float(better[1]) < -0.5
-    assert worse[4:] == ["0/8", "0/2"]
-    assert better[4:] == ["8/8", "2/2"]
+    assert (worse[5:], better[5:]) == (["0/8", "0/2"], ["8/8", "2/2"])
+    assert float(better[2].split()[0]) == pytest.approx(-50, abs=1)
 
 
-def test_differences_need_the_control(runs):
+def test_without_the_control_there_are_no_differences(runs):
     of_table4(runs, "tapsr", 4, 0.5)
-    with pytest.raises(tables.UserError, match="need its control: `pcsr run table4`"):
-        tables.differences4(tables.finished(runs, "table4"))
+    assert tables.differences4(tables.finished(runs, "table4"))[1] == []
+
+
+def test_grafts_are_compared_with_the_same_network_alone(runs):
+    for number, (name, fusion, factor) in enumerate(
+        (
+            ("mpu", "none", 1.0),
+            ("mpu-touch", "iterative", 1.2),
+            ("pu-gcn-touch", "iterative", 0.1),
+            ("tapsr", "none", 1.0),
+        )
+    ):
+        put(runs / f"table2-{name}-0000000{number}", f"table2-{name}", fusion=fusion, factor=factor)
+    _, lines = tables.grafts2(tables.finished(runs, "table2"))
+    assert [line[:2] for line in lines] == [["mpu", "the paper's fusion"]]
+    assert lines[0][3] == "+20.0 %"
+    assert lines[0][6] == "0/8"
+
+
+def test_table_5_has_the_time_of_an_epoch_and_of_a_cloud(runs):
+    for count in range(2):
+        name = f"table5-tapsr-touches.{count}"
+        folder = put(runs / f"{name}-00000001", name, touches=count)
+        published(folder, **{"s/epoch": 76.68, "s/cloud": 0.0158})
+        found = json.loads((folder / "results.json").read_text())
+        change(folder, data=found["data"] | {"touches": count})
+    columns, lines = tables.table5(tables.finished(runs, "table5"))
+    assert columns == ["touches", "0", "1"]
+    assert lines == [["s/epoch", *["0.5 (76.68)"] * 2], ["ms/cloud", *["100 (15.8)"] * 2]]
 
 
 def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
@@ -131,4 +160,4 @@ def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
     done = CliRunner().invoke(tables.main, [str(runs)])
     assert done.exit_code == 0, done.output
     assert "table-3" in done.output
-    assert "table-2: left out" in done.output
+    assert "table-2: left out, as its runs" in done.output

@@ -105,6 +105,45 @@ def test_objects_whose_touches_were_refused_count_too(recipe, registry, split):
     assert (effect.counts[-1], effect.efficiency) == (3 * 256, None)
 
 
+def test_touches_of_another_object_show_whether_it_matters_what_was_touched(recipe, registry, split):
+    ours = Asked()
+    compared = [Method("ours", 5, ours, exchange_touches=True)]
+    effect = evaluate(recipe, registry, compared, split, jobs=1).touch
+    given = {tuple(np.ravel(split.touches[k][:2])): k for k in range(3)}
+    owners = [given[tuple(np.ravel(some))] if some else None for some in ours.touches]
+    assert owners == [0, None, 1, 1, None, 2, 2, None, 0]
+    assert effect.exchanged == effect.touched  # `Asked` makes the same of any touches
+    assert effect.exchanged_efficiency == effect.efficiency
+    usual = evaluate(recipe, registry, [Method("ours", 5, Asked())], split, jobs=1).touch
+    assert (usual.exchanged, usual.exchanged_efficiency) == (None, None)
+    single = dataclasses.replace(
+        split,
+        **{
+            field.name: getattr(split, field.name)[:1]
+            for field in dataclasses.fields(split)
+            if isinstance(getattr(split, field.name), list)
+        },
+    )
+    alone = evaluate(recipe, registry, [Method("ours", 5, Asked(), exchange_touches=True)], single, jobs=1).touch
+    assert alone.exchanged is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "exchanged"),
+    [
+        (["model.fusion=iterative"], True),
+        (["model.fusion=edge-conv"], False),
+        (["model.fusion={use: edge-conv, keeps_touched_points: false}"], True),
+        (["model.fusion=joint-cloud", "model.touch_encoder=null"], False),
+        (["model.fusion=none", "model.touch_encoder=null"], False),
+    ],
+)
+def test_only_networks_that_get_touches_as_features_alone_get_those_of_others(registry, changes, exchanged):
+    (of,) = load(ROOT / "pcsr/recipes/smoke.yaml", registry, [*SETTINGS, *changes])
+    own, *_ = methods(of, build(of, registry), registry)
+    assert own.exchange_touches is exchanged
+
+
 class Slow:
     """A method that takes its time, and notes how long it took and on how many threads."""
 

@@ -59,6 +59,7 @@ def test_results_that_are_no_json_object_are_named(tmp_path, text):
         (["counts"], [1, 2], "touch: 'counts' has 2 values for 3 distances"),
         (["errors", "tapsr"], [0.1], "touch: 'tapsr' has 1 values for 3 distances"),
         (["replaced"], [float("nan")] * 6, "touch.replaced.0"),
+        (["exchanged"], [0.1] * 5, "touch.exchanged has 5 values for 6 objects"),
     ],
 )
 def test_a_malformed_touch_effect_is_named(results, touch, path, value, named):
@@ -72,6 +73,9 @@ def test_the_touch_efficiency_is_the_ratio_of_means_and_old_results_have_none(re
     assert parse_results(results).touch.efficiency == pytest.approx(1 / 3)
     touch["touched"][0] = 6.0e-4
     assert parse_results(results).touch.efficiency == pytest.approx(5 / 18)
+    assert parse_results(results).touch.exchanged_efficiency is None
+    touch["exchanged"] = [6.5e-4] * 6
+    assert parse_results(results).touch.exchanged_efficiency == pytest.approx(-1 / 6)
     touch["replaced"] = touch["plain"]
     assert parse_results(results).touch.efficiency is None
     del results["touch"]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from pcsr.counted import counted
-from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, EXCHANGED, EXCHANGED_DEFINITION
 from pcsr.report.tables.comparison import Comparison, Difference
 from pcsr.report.tables.rows import MARK, Row
 from pcsr.report.tables.scores import decimals_of, efficiency_cell, scaled
@@ -65,7 +65,7 @@ def _all_metrics(compared: Comparison) -> TextTable:
                 text += f" ± {spread:.{digits}f}"
             line.append(text + row.published_line(metric))
         if with_touch:
-            line.append("" if row.efficiencies is None else efficiency_cell(row.efficiencies))
+            line.append("" if row.efficiencies is None else efficiency_cell(row.efficiencies, row.exchanged))
         line.append(f"{row.parameters:,}" if row.parameters else "")
         line.append(f"{row.seconds:.3g}" + row.published_line("s/cloud"))
         line.append(("" if row.epoch is None else f"{row.epoch:.3g}") + row.published_line("s/epoch"))
@@ -109,6 +109,8 @@ def _note(compared: Comparison, *, with_touch: bool) -> str:
     note += "; ".join(f"{metric}: {one.description}" for metric, one in compared.metrics.items()) + "."
     if with_touch:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+    if any(one is not None for row in rows for one in row.exchanged):
+        note += f" {EXCHANGED.capitalize()}: {EXCHANGED_DEFINITION}."
     for protocol in dict.fromkeys(row.protocol for row in rows if row.protocol is not None):
         note += f" {', '.join(row.label for row in rows if row.protocol == protocol)}: {protocol}."
     for row in rows:

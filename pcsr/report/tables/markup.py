@@ -27,7 +27,7 @@ _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 COLUMNS = (
     *("row", "seeds", "objects", "metric", "multiplied_by", "mean", "sd", "sd_over", "best", "compared_with"),
     *("difference", "ci_low", "ci_high", "p_holm", "wins", "seeds_better", "published", "touch_efficiency"),
-    *("parameters", "seconds_per_cloud", "seconds_per_epoch"),
+    *("exchanged_touch_efficiency", "parameters", "seconds_per_cloud", "seconds_per_epoch"),
 )
 """Columns of the CSV file, which docs/comparing.md describes."""
 
@@ -115,7 +115,6 @@ def comma_separated(compared: Comparison) -> str:
             low, high = (None, None) if difference is None or difference.interval is None else difference.interval
             spread = row.spread(metric, over_seeds=compared.over_seeds)
             over = None if spread is None else "seeds" if compared.over_seeds else "objects"
-            efficiencies = [one for one in row.efficiencies or () if one is not None]
             writer.writerow(
                 [
                     *(row.label, " ".join(map(str, row.seeds)), len(row.runs[0].objects), metric, note.scale),
@@ -123,8 +122,14 @@ def comma_separated(compared: Comparison) -> str:
                     *(None if difference is None else compared.first.label, difference and difference.mean),
                     *(low, high, difference and difference.p_value, difference and difference.wins),
                     *(difference and difference.better_seeds, row.published.get(metric)),
-                    sum(efficiencies) / len(efficiencies) if efficiencies else None,
+                    *(_mean(row.efficiencies or ()), _mean(row.exchanged)),
                     *(row.parameters or None, row.seconds, row.epoch),
                 ]
             )
     return text.getvalue()
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """Mean of the known values; None if there is none."""
+    known = [one for one in values if one is not None]
+    return sum(known) / len(known) if known else None

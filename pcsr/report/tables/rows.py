@@ -32,6 +32,8 @@ class Row:
     parameters: int
     efficiencies: tuple[float | None, ...] | None
     """Touch efficiency of each seed, None for a seed without touch; None for a baseline."""
+    exchanged: tuple[float | None, ...]
+    """Touch efficiency of each seed with the touches of another object; None where it was not measured."""
     seconds: float
     """Wall time for one cloud, mean over seeds."""
     epoch: float | None
@@ -167,6 +169,7 @@ def _row(label: str, methods: Sequence[MethodResult], runs: Sequence[Results], p
         published,
         methods[0].parameters,
         tuple(run.touch.efficiency if run.touch else None for run in runs) if of_network else None,
+        tuple(run.touch.exchanged_efficiency if run.touch else None for run in runs) if of_network else (),
         float(np.mean([method.seconds for method in methods])),
         float(np.mean(epochs)) if of_network and epochs else None,
         methods[0].name == BOUND and not of_network,

@@ -1,7 +1,7 @@
 """Table of one run's metrics for the terminal, with the numbers of the page."""
 
 from pcsr.counted import counted
-from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, EXCHANGED, EXCHANGED_DEFINITION
 from pcsr.report.tables.scores import efficiency_cell, scaled, scores
 from pcsr.report.tables.significance import RULE
 from pcsr.report.tables.text_table import TextTable
@@ -25,8 +25,8 @@ def table(results: Results) -> TextTable:
             change = f"\n{score.change:+.1%}" if score.change is not None else ""
             wins = f"\n{score.wins}/{count} wins" if score.wins is not None else ""
             line.append(f"{score}{change}{wins}")
-        if results.touch is not None:
-            line.append(efficiency_cell([results.touch.efficiency]) if i == 0 else "")
+        if (effect := results.touch) is not None:
+            line.append(efficiency_cell([effect.efficiency], [effect.exchanged_efficiency]) if i == 0 else "")
         cells.append([*line, f"{method.parameters:,}" if method.parameters else "", f"{method.seconds:.3g}"])
     return TextTable(results.name, heads, cells, _note(results), frozenset(bold))
 
@@ -57,6 +57,8 @@ def _note(results: Results) -> str:
         note += f"wins: objects on which it is better than {results.baseline}. {RULE}."
     if results.touch is not None:
         note += f" {EFFICIENCY.capitalize()}: {DEFINITION}; higher is better."
+        if results.touch.exchanged is not None:
+            note += f" {EXCHANGED.capitalize()}: {EXCHANGED_DEFINITION}."
     if results.protocol is not None:
         note += f" {results.methods[0].name}: {results.protocol}."
     note += f" s/cloud: {results.timed}."

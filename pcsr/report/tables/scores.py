@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pcsr.metrics.touch_effect import EXCHANGED
 from pcsr.report.tables.significance import clear_best, pairwise
 from pcsr.results import BOUND, Results
 
@@ -71,11 +72,16 @@ def scaled(metric: str, scale: int | float) -> str:
     return f"{metric} ×{scale:g}"
 
 
-def efficiency_cell(values: Sequence[float | None]) -> str:
-    """Touch efficiencies of one recipe's seeds: mean ± sample standard deviation; a dash without touch."""
+def efficiency_cell(values: Sequence[float | None], exchanged: Sequence[float | None] = ()) -> str:
+    """Touch efficiencies of one recipe's seeds: mean ± sample standard deviation; a dash without touch.
+
+    Those with another object's touches, if there are any, are on a second line.
+    """
     known = np.array([value for value in values if value is not None])
     spread = f" ± {known.std(ddof=1):.3f}" if len(known) > 1 else ""
-    return f"{known.mean():z.3f}{spread}" if len(known) else "–"
+    text = f"{known.mean():z.3f}{spread}" if len(known) else "–"
+    of_others = [value for value in exchanged if value is not None]
+    return f"{text}\n{EXCHANGED} {np.mean(of_others):z.3f}" if of_others else text
 
 
 def decimals_of(smallest: float) -> int:

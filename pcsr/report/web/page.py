@@ -8,7 +8,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from pcsr.counted import counted
-from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, TouchEffect
+from pcsr.metrics.touch_effect import DEFINITION, EFFICIENCY, EXCHANGED, EXCHANGED_DEFINITION, TouchEffect
 from pcsr.report.colours import ERROR_SCALE
 from pcsr.report.tables.scores import efficiency_cell, group_means, scaled, scores
 from pcsr.report.tables.significance import RULE
@@ -90,12 +90,15 @@ def _metrics(results: Results) -> str:
             wins = f"<small>{score.wins}/{count} wins</small>" if score.wins is not None else ""
             change = f"<br>{score.change:+.1%} " if score.change is not None else ""
             cells.append(mark + change + wins)
-        if results.touch is not None:
-            cells.append(efficiency_cell([results.touch.efficiency]) if method is results.methods[0] else "")
+        if (effect := results.touch) is not None:
+            cell = efficiency_cell([effect.efficiency], [effect.exchanged_efficiency])
+            cells.append(html.escape(cell).replace("\n", "<br>") if method is results.methods[0] else "")
         rows.append([*cells, f"{method.parameters:,}", f"{method.seconds:.3g}"])
     terms = {name: note.description for name, note in results.metrics.items()}
     if results.touch is not None:
         terms[EFFICIENCY] = f"{DEFINITION}; higher is better"
+        if results.touch.exchanged is not None:
+            terms[EXCHANGED] = EXCHANGED_DEFINITION
     terms["seconds"] = results.timed
     if results.baseline is not None:
         terms["wins"] = f"objects on which the method is strictly better than {results.baseline}"
@@ -114,6 +117,8 @@ def _touch(touch: TouchEffect) -> str:
         "without": touch.plain,
         "without, but with the touched region replaced by the truth": touch.replaced,
     }
+    if touch.exchanged is not None:
+        means["with the touches of another object"] = touch.exchanged
     listed = "; ".join(f"{name}: {1000 * np.mean(values):.4g}" for name, values in means.items())
     text = (
         f"Mean Chamfer distance ×10³ of the network {listed}. "

@@ -160,6 +160,11 @@ def test_touch_efficiencies_are_spread_over_seeds_and_a_network_without_touch_ha
     assert line(made, "b")["touch efficiency"] == "–"
     assert line(made, "midpoint")["touch efficiency"] == ""
     assert "(without - with)" in made.note
+    assert "another object" not in made.note
+    runs[0]["touch"]["exchanged"] = [6e-4] * 6
+    of_others, *_ = compare(runs, "study")
+    assert line(of_others, "a")["touch efficiency"].endswith("\nanother object's 0.000")
+    assert "Another object's: the same" in of_others.note
     alone, *_ = compare(runs[2:], "study")
     assert "touch efficiency" not in alone.heads
     assert "(without - with)" not in alone.note

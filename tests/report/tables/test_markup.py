@@ -115,9 +115,13 @@ def test_csv_has_unrounded_numbers(compared):
 def test_csv_has_seeds_touch_and_no_spread_that_is_none(results, touch, variant):
     runs = [variant(results, f"s-{name}-seed.{k}", seed=k, model=name, factor=factor + 0.1 * k)
             for name, factor in (("a", 1.0), ("b", 0.5)) for k in range(2)]  # fmt: skip
+    for run in runs[2:]:
+        run["touch"]["exchanged"] = [5.7e-4] * len(run["objects"])
     made = report.comparison([parse_results(one) for one in runs], "s")
     lines = list(csv.DictReader(io.StringIO(comma_separated(made))))
     by_row = {line["row"]: line for line in lines if line["metric"] == "cd"}
+    assert float(by_row["b"]["exchanged_touch_efficiency"]) == pytest.approx(0.1)
+    assert not by_row["a"]["exchanged_touch_efficiency"]
     assert (by_row["b"]["seeds_better"], by_row["a"]["seeds_better"]) == ("2", "")
     assert float(by_row["b"]["touch_efficiency"]) == pytest.approx(1 / 3)
     assert (by_row["b"]["sd_over"], by_row["b"]["multiplied_by"]) == ("seeds", "1000")

@@ -106,6 +106,12 @@ def test_the_touch_efficiency_is_the_networks_alone(results, touch):
     columns = dict(zip(shown.heads, zip(*shown.cells, strict=True), strict=True))
     assert columns["touch efficiency"] == ("0.333", "", "")
     assert "(without - with)" in shown.note
+    assert "another object" not in shown.note
+    touch["exchanged"] = [5.7e-4] * len(results["objects"])
+    shown = table(results)
+    columns = dict(zip(shown.heads, zip(*shown.cells, strict=True), strict=True))
+    assert columns["touch efficiency"] == ("0.333\nanother object's 0.100", "", "")
+    assert "Another object's: the same with the touches of another object" in shown.note
     del results["touch"]
     assert "touch" not in "".join(table(results).heads)
     assert "(without - with)" not in table(results).note

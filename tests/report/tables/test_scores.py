@@ -111,3 +111,5 @@ def test_the_floor_is_no_rival(results):
 )
 def test_an_efficiency_has_three_digits_and_is_a_dash_without_touch(values, shown):
     assert efficiency_cell(values) == shown
+    assert efficiency_cell(values, [None]) == shown
+    assert efficiency_cell(values, [0.2, None, 0.4]) == f"{shown}\nanother object's 0.300"

@@ -198,6 +198,11 @@ def test_what_touch_does_has_a_section_where_it_was_measured(draw, results, touc
     assert "touch efficiency" in page.texts("dt")
     charts = [a["data-chart"] for _, a, _ in page.found if "data-chart" in a]
     assert sorted(charts) == sorted(drawn(page)["charts"]) == ["groups", "loss", "touch", "validation"]
+    assert "another object's" not in page.texts("dt")
+    touch["exchanged"] = [5.7e-4] * len(results["objects"])
+    page = draw()
+    assert "another object's" in page.texts("dt")
+    assert "with the touches of another object: 0.57" in page.texts("section", id="touch")[0]
     del results["touch"]
     page = draw()
     assert page.texts("section", id="touch") == []
