@@ -33,7 +33,12 @@ def test_our_recipes_have_no_mistake(path, registry):
 @pytest.mark.slow
 def test_table_4_is_the_papers_three_networks_and_others_each_with_zero_to_five_touches(registry):
     (path,) = [path for path in RECIPES if path.stem == "table4"]
-    runs = load(path, registry)
+    every = load(path, registry)
+    untouched = [r for r in every if r.touch_range == (0, 0)]
+    assert [(r.model.encoder.use, r.data.touches, r.seed) for r in untouched] == [
+        (encoder, 0, seed) for encoder in ("mlp", "unet") for seed in range(3)
+    ], "PU-Transformer alone, and the control with all blocks"
+    runs = [r for r in every if r not in untouched]
     rows = {(r.model.encoder.use, r.model.fusion.use) for r in runs}
     assert rows > {("mlp", "none"), ("unet", "concat"), ("unet", "iterative")}
     values = {(r.model.encoder.use, r.model.fusion.use, r.data.touches, r.seed) for r in runs}
