@@ -19,7 +19,7 @@ from pcsr.errors import PcsrError
 from pcsr.metrics.touch_effect import EFFICIENCY, EXCHANGED
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import load
-from pcsr.report.tables.comparison import Comparison, Difference, comparison
+from pcsr.report.tables.comparison import Comparison, comparison
 from pcsr.report.tables.rows import SEED, Row
 from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import RESULTS, FinishedRun, read_results_of
@@ -34,6 +34,10 @@ USED = 4
 """Number of touches at which the rows of Table 4 are compared."""
 TOUCH = {"none": "–", "iterative": "the paper's fusion", "edge-conv": "points kept", "joint-cloud": "points kept"}
 """What a network makes of touches, by the name of its fusion."""
+ALONE = dict.fromkeys(("tapsr", "tapsr-edge-conv", "tapsr-midpoint"), "pu-transformer")
+"""Rows of Table 2 that are compared with a network of another name."""
+CONTROL = "control-touches.0"
+"""Row of Table 4 with both blocks, trained without touch."""
 ROWS4 = {
     "pu-transformer": "PU-Transformer alone",
     "raw": "touched points joined to its input",
@@ -44,8 +48,6 @@ ROWS4 = {
     "frames": "ours: `frames`",
 }
 """Rows of Table 4 by the names in the recipe."""
-DIFFERENCE = ("cd, difference", "share", "95 % interval", "p (Holm)", "better objects", "better seeds")
-"""Columns of a paired difference, as `pcsr compare` computes it."""
 
 
 @cache
@@ -103,7 +105,12 @@ def last_quarter(run: FinishedRun) -> str:
 def table2(found: Found) -> Table:
     """A row for each network and kind of touch, then the baselines; ± over objects."""
     made, rows = compared(found, "table2")
-    columns = ["network", "touch", "weights", *made.metrics, EFFICIENCY, EXCHANGED, "last quarter", "min"]
+    alone = {name: ALONE.get(name, name.partition("-touch")[0]) for name in found}
+    differences = {}
+    for first in dict.fromkeys(alone.values()):
+        differences |= against(found, "table2", first, [name for name in found if alone[name] == first])
+    columns = ["network", "touch", "weights", *made.metrics, "cd against the network alone", EFFICIENCY, EXCHANGED]
+    columns += ["last quarter", "min"]
     lines = []
     for name, runs in found.items():
         training = runs[0].results.training
@@ -113,6 +120,7 @@ def table2(found: Found) -> Table:
                 TOUCH[runs[0].results.recipe["model"]["fusion"]["use"]],
                 f"{rows[name].parameters / 1e3:,.0f} K",
                 *(cell(rows[name], metric) for metric in made.metrics),
+                differences.get(name, ""),
                 efficiency_cell(rows[name].efficiencies or ()),
                 efficiency_cell(rows[name].exchanged),
                 last_quarter(runs[0]),
@@ -120,7 +128,7 @@ def table2(found: Found) -> Table:
             ]
         )
     baselines = {name: row for name, row in rows.items() if name not in found}
-    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 4] for name, row in baselines.items()]
+    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 5] for name, row in baselines.items()]
     return columns, lines
 
 
@@ -131,21 +139,22 @@ def table3(found: Found) -> Table:
     for rate in sorted({runs[0].results.data.rate for runs in found.values()}):
         names = (f"pu-transformer-rate.{rate}", f"tapsr-rate.{rate}", f"midpoint {rate}×")
         lines.append([str(rate), *(cell(rows[name], "cd") if name in rows else "–" for name in names)])
-    return ["rate", "PU-Transformer", f"TAPSR, {USED} touches", "midpoint"], lines
+    return ["rate", "PU-Transformer", "TAPSR, 4 touches", "midpoint"], lines
 
 
 def table4(found: Found) -> Table:
     """A row for each network, a column for each number of touches; ± over seeds."""
     _, rows = compared(found, "table4")
+    used = {row: name for row in ROWS4 for name in (f"{row}-touches.0", f"{row}-touches.{USED}") if name in rows}
+    differences = against(found, "table4", CONTROL, list(used.values()))
     lines = []
-    for row, text in ROWS4.items():
-        names = [f"{row}-touches.{count}" for count in COUNTS]
-        if not any(name in rows for name in names):
-            continue
-        cells = [cell(rows[name], "cd", over_seeds=True) if name in rows else "" for name in names]
-        used = names[USED]
-        lines.append([text, *cells, efficiency_cell(rows[used].efficiencies or ()) if used in rows else "–"])
-    return ["", "no touch", "1 touch", *(f"{count} touches" for count in COUNTS[2:]), f"{EFFICIENCY} at {USED}"], lines
+    for row, name in used.items():
+        cells = [f"{row}-touches.{count}" for count in COUNTS]
+        cells = [cell(rows[one], "cd", over_seeds=True) if one in rows else "" for one in cells]
+        shares = [efficiency_cell(one) for one in (rows[name].efficiencies or (), rows[name].exchanged)]
+        lines.append([ROWS4[row], *cells, *shares, differences.get(name, "")])
+    columns = ["", "no touch", "1 touch", *(f"{count} touches" for count in COUNTS[2:])]
+    return [*columns, f"{EFFICIENCY} at {USED}", EXCHANGED, f"at {USED} against the control"], lines
 
 
 def table5(found: Found) -> Table:
@@ -157,50 +166,26 @@ def table5(found: Found) -> Table:
     return ["touches", *(str(row.runs[0].data.touches) for row in each)], [["s/epoch", *epochs], ["ms/cloud", *clouds]]
 
 
-def grafts2(found: Found) -> Table:
-    """Each network of Table 2 with touch minus the same one alone."""
-    lines = []
-    for alone in found:
-        of_network = [name for name in (alone, f"{alone}-touch", f"{alone}-touch-edge-conv") if name in found]
-        if "-touch" in alone or len(of_network) < 2:
-            continue
-        made, rows = compared({name: found[name] for name in of_network}, "table2")
-        for name, difference in zip(of_network[1:], made.differences["cd"][1:], strict=False):
-            touch = TOUCH[found[name][0].results.recipe["model"]["fusion"]["use"]]
-            lines.append([alone, touch, *_cells(difference, rows[alone], rows[name])])
-    return ["network", "touch", *DIFFERENCE], lines
-
-
-def differences4(found: Found) -> Table:
-    """Each row of Table 4 with four touches, or without if it has none, minus the control without touch."""
-    order = ["control", *(row for row in ROWS4 if row != "control")]
-    chosen = [name for row in order for name in (f"{row}-touches.{USED}", f"{row}-touches.0") if name in found]
-    chosen = [name for name in chosen if not name.endswith("touches.0") or name[:-1] + str(USED) not in found]
-    lines = []
-    if chosen[:1] == ["control-touches.0"]:
-        made, rows = compared({name: found[name] for name in chosen}, "table4")
-        for name, difference in zip(chosen[1:], made.differences["cd"][1:], strict=False):
-            lines.append([ROWS4[name.rpartition("-")[0]], *_cells(difference, rows[chosen[0]], rows[name])])
-    return ["", *DIFFERENCE], lines
-
-
-def _cells(difference: Difference | None, first: Row, row: Row) -> list[str]:
-    """The cells of a paired difference from the first row."""
-    if difference is None or difference.interval is None or difference.p_value is None:
-        return [""] * len(DIFFERENCE)
-    low, high = difference.interval
-    share = f"{100 * difference.mean / first.mean('cd'):+.1f} %"
-    seeds = "" if difference.better_seeds is None else f"{difference.better_seeds}/{len(row.seeds)}"
-    wins = f"{difference.wins}/{len(row.of_objects('cd'))}"
-    return [f"{difference.mean:+.3f}", share, f"[{low:+.3f}, {high:+.3f}]", f"{difference.p_value:.2g}", wins, seeds]
+def against(found: Found, study: str, first: str, names: Sequence[str]) -> dict[str, str]:
+    """Differences of rows from the first in cd, in per cent of its mean, with their 95 % intervals and p by Holm."""
+    others = [name for name in names if name != first and name in found]
+    if first not in found or not others:
+        return {}
+    made, rows = compared({name: found[name] for name in (first, *others)}, study)
+    unit = rows[first].mean("cd") / 100
+    cells = {}
+    for name, difference in zip(others, made.differences["cd"][1:], strict=False):
+        if difference is not None and difference.interval is not None and difference.p_value is not None:
+            low, high = (end / unit for end in difference.interval)
+            p_value = f"p = {difference.p_value:.1g}" if difference.p_value >= 1e-4 else "p < 0.0001"
+            cells[name] = f"{difference.mean / unit:+.1f} % [{low:+.1f}, {high:+.1f}], {p_value}"
+    return cells
 
 
 TABLES: dict[str, tuple[str, Callable[[Found], Table]]] = {
     "table-2": ("table2", table2),
-    "table-2-grafts": ("table2", grafts2),
     "table-3": ("table3", table3),
     "table-4": ("table4", table4),
-    "table-4-differences": ("table4", differences4),
     "table-5": ("table5", table5),
 }
 """Each table by the name of its file: the study, and what makes the table of its runs."""
