@@ -36,6 +36,7 @@ from pcsr.recipe import Recipe, load
 from pcsr.report.figures.line_chart import Line, line_chart
 from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import snapshot_file
+from pcsr.tensors import CloudArray
 from pcsr.upsample import upsample_as
 from pcsr.weights.file import read_card
 
@@ -44,16 +45,22 @@ MEASURED = "snapshots.json"
 Numbers = Mapping[str, Sequence[float]]
 """Chamfer distance of each test object: `without` touch, with its `own` touches, with those of an `other` object, and
 `replaced`: without touch, the touched region replaced by the truth. `moved` is that of the network's own two results,
-without touch and with touches."""
+without touch and with touches. `features` is without touch, with the encoder's features of another object."""
 Rows = dict[str, dict[int, list[Numbers]]]
 """Row to step to the numbers of each seed."""
 COLUMNS = ("row", "seeds", "step", "cd without touch", "with touches", "with another object's", EFFICIENCY)
-COLUMNS += (f"{EFFICIENCY} of another object's", "change of the result by touch")
+COLUMNS += (f"{EFFICIENCY} of another object's", "change of the result by touch", "cd with another object's features")
 
 
 def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
-    """Upsample each object of a split without touch, with its touches and with those of the next object."""
-    numbers: dict[str, list[float]] = {name: [] for name in ("without", "own", "other", "replaced", "moved")}
+    """Upsample each object of a split without touch, with its touches and with those of the next object.
+
+    Without touch it is also upsampled with the encoder's features of the next object, which shows whether the network
+    uses features at all.
+    """
+    numbers: dict[str, list[float]] = {
+        name: [] for name in ("without", "own", "other", "replaced", "moved", "features")
+    }
     touches = [list(some[: recipe.data.touches].numpy()) for some in split.touches]
     for i, truth in enumerate(split.truth):
         given = {"without": [], "own": touches[i], "other": touches[(i + 1) % len(split)]}
@@ -61,12 +68,24 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
             name: torch.from_numpy(upsample_as(recipe, network, split.points[i].numpy(), some)).float()
             for name, some in given.items()
         }
+        following = split.points[(i + 1) % len(split)].numpy()
+        clouds["features"] = _with_features(network, recipe, split.points[i].numpy(), following)
         region = torch.from_numpy(covered_points(truth.numpy(), touches[i]).any(0))
         clouds["replaced"] = replace_region(clouds["without"], truth, region)
         for name, cloud in clouds.items():
             numbers[name].append(float(chamfer(cloud[None], truth[None])[0]))
         numbers["moved"].append(float(chamfer(clouds["own"][None], clouds["without"][None])[0]))
     return numbers
+
+
+def _with_features(network: Network, recipe: Recipe, points: CloudArray, other: CloudArray) -> torch.Tensor:
+    """Upsample a cloud without touch, after its features were replaced by those of another one."""
+    features: list[torch.Tensor] = []
+    with network.encoder.register_forward_hook(lambda module, given, made: features.append(made)):
+        upsample_as(recipe, network, other, [])
+    (of_other,) = features
+    with network.encoder.register_forward_hook(lambda module, given, made: of_other):
+        return torch.from_numpy(upsample_as(recipe, network, points, [])).float()
 
 
 def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
@@ -80,7 +99,7 @@ def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
             continue
         card = read_card(weights)
         entry = known.get(weights.name)
-        if entry is None or entry["sha256"] != card["sha256"] or "moved" not in entry["cd"]:
+        if entry is None or entry["sha256"] != card["sha256"] or "features" not in entry["cd"]:
             network, recipe, _ = load_weights(weights, registry)
             split = _test_split(folder.parent / "data" / card["data_fingerprint"][:12])
             known[weights.name] = entry = {"sha256": card["sha256"], "cd": measure(network, recipe, split)}
@@ -151,7 +170,7 @@ def table(rows: Rows) -> list[list[str]]:
         seeds = by_step[step]
         cells = [efficiency_cell(means(seeds, name)) for name in ("without", "own", "other")]
         cells += [efficiency_cell(shares(seeds, name)) for name in ("own", "other")]
-        cells.append(efficiency_cell(means(seeds, "moved")))
+        cells += [efficiency_cell(means(seeds, name)) for name in ("moved", "features")]
         lines.append([f"`{row}`", str(len(seeds)), f"{step:,}", *cells])
     return lines
 

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from pcsr.data.sample import covered_points
 from pcsr.errors import UserError
+from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.build import build
 from pcsr.network.save import save_weights
@@ -61,6 +62,19 @@ def run(tmp_path, recipe, network, monkeypatch):
     return leave, calls
 
 
+def with_features(network, points, other):
+    """A cloud of which only the coordinates are its own."""
+    (own, sphere), (foreign, _) = (unit(cloud) for cloud in (points, other))
+    with torch.inference_mode():
+        refined = network.backbone(own[None], network.encoder(foreign[None]))
+        return torch.from_numpy(sphere.denormalize(network.upsampler(own[None], refined, 4)[0].numpy())).float()
+
+
+def unit(cloud):
+    sphere = UnitSphere.fit(cloud.numpy())
+    return torch.from_numpy(sphere.normalize(cloud.numpy())).float(), sphere
+
+
 def test_an_object_is_measured_without_touch_with_its_touches_and_with_those_of_the_next(recipe, network):
     numbers = study.measure(network, recipe, OBJECTS)
     touches = [list(some.numpy()) for some in OBJECTS.touches]
@@ -70,6 +84,10 @@ def test_an_object_is_measured_without_touch_with_its_touches_and_with_those_of_
             name: torch.from_numpy(upsample_as(recipe, network, OBJECTS.points[i].numpy(), some)).float()
             for name, some in wanted.items()
         }
+        assert numbers["features"][i] == pytest.approx(
+            float(chamfer(with_features(network, OBJECTS.points[i], OBJECTS.points[(i + 1) % 3])[None], truth[None])),
+            rel=1e-5,
+        )
         near = torch.cdist(dense["without"], truth).argmin(1)
         region = torch.from_numpy(covered_points(truth.numpy(), touches[i]).any(0))
         dense["replaced"] = torch.cat([dense["without"][~region[near]], truth[region]])
@@ -77,7 +95,7 @@ def test_an_object_is_measured_without_touch_with_its_touches_and_with_those_of_
             assert numbers[name][i] == pytest.approx(float(chamfer(cloud[None], truth[None])), rel=1e-5), name
         moved = chamfer(dense["own"][None], dense["without"][None])
         assert numbers["moved"][i] == pytest.approx(float(moved), rel=1e-5)
-    assert len(set(np.round([numbers[name][0] for name in numbers], 9))) == 5
+    assert len(set(np.round([numbers[name][0] for name in numbers], 9))) == 6
 
 
 def test_rows_are_those_of_the_study_in_its_order_and_runs_of_one_row_are_its_seeds(run, tmp_path):
@@ -121,7 +139,8 @@ def test_without_snapshots_it_says_what_makes_some(tmp_path):
 
 def numbers(without, own, other, replaced):
     moved = np.subtract(without, own).tolist()
-    return {"without": without, "own": own, "other": other, "replaced": replaced, "moved": moved}
+    of_touch = {"without": without, "own": own, "other": other, "replaced": replaced}
+    return {**of_touch, "moved": moved, "features": [2 * one for one in without]}
 
 
 ROWS = {
@@ -145,8 +164,9 @@ def test_a_line_is_of_the_last_step_that_all_seeds_have_reached():
             "0.250 ± 0.000",
             "0.000 ± 0.000",
             "0.500 ± 0.000",
+            "6.000 ± 0.000",
         ],
-        ["`b`", "1", "5", "3.000", "3.000", "3.000", "–", "–", "0.000"],
+        ["`b`", "1", "5", "3.000", "3.000", "3.000", "–", "–", "0.000", "6.000"],
     ]
     assert study.over_steps(ROWS) == [["row", "1", "5"], ["`a`", "0.250 ± 0.000", "0.500"], ["`b`", "–", "–"]]
 

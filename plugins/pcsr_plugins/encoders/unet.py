@@ -27,17 +27,30 @@ class UNet(Encoder):
     traits = frozenset({Trait.PERMUTATION_EQUIVARIANT})
 
     def __init__(
-        self, widths: Widths, *, channels: HalvedChannels = 128, order: Literal["hilbert", "file"] = "hilbert"
+        self,
+        widths: Widths,
+        *,
+        channels: HalvedChannels = 128,
+        order: Literal["hilbert", "file"] = "hilbert",
+        norm: Literal["none", "layer"] = "none",
     ) -> None:
+        """Create the block.
+
+        Args:
+            widths: of the features, from the host.
+            channels: of the result, and of the first stage.
+            order: of the points along the axis: along their Hilbert curve, or as they are given.
+            norm: of each layer but the last, before its ReLU: none, or a layer norm over the channels of each point.
+        """
         super().__init__()
         self.channels = c = channels
         self.order = order
         if order == "file":
             self.traits = frozenset()
-        self.enter = nn.Sequential(_conv(3, c // 2), _conv(c // 2, c))
-        self.down = nn.ModuleList([_conv(c, c), _conv(c, 2 * c)])
-        self.up = nn.ModuleList([_deconv(2 * c, c), _deconv(c, c)])
-        self.merge = nn.ModuleList([_conv(2 * c, c), nn.Conv1d(2 * c, c, 1)])
+        self.enter = nn.Sequential(_conv(3, c // 2, norm), _conv(c // 2, c, norm))
+        self.down = nn.ModuleList([_conv(c, c, norm), _conv(c, 2 * c, norm)])
+        self.up = nn.ModuleList([_deconv(2 * c, c, norm), _deconv(c, c, norm)])
+        self.merge = nn.ModuleList([_conv(2 * c, c, norm), nn.Conv1d(2 * c, c, 1)])
 
     def forward(self, points: Points) -> Features:
         """Encode the points at three scales of the curve."""
@@ -59,10 +72,22 @@ class UNet(Encoder):
         return features
 
 
-def _conv(c_in: int, c_out: int) -> nn.Module:
+def _conv(c_in: int, c_out: int, norm: str) -> nn.Module:
     # Width 3, as in the U-Net that the paper takes its block from (Ronneberger et al., 2015).
-    return nn.Sequential(nn.Conv1d(c_in, c_out, 3, padding=1, padding_mode="replicate"), nn.ReLU())
+    return _layer(nn.Conv1d(c_in, c_out, 3, padding=1, padding_mode="replicate"), c_out, norm)
 
 
-def _deconv(c_in: int, c_out: int) -> nn.Module:
-    return nn.Sequential(nn.ConvTranspose1d(c_in, c_out, 2, stride=2), nn.ReLU())
+def _deconv(c_in: int, c_out: int, norm: str) -> nn.Module:
+    return _layer(nn.ConvTranspose1d(c_in, c_out, 2, stride=2), c_out, norm)
+
+
+def _layer(linear: nn.Module, channels: int, norm: str) -> nn.Module:
+    return nn.Sequential(linear, *([ChannelNorm(channels)] if norm == "layer" else []), nn.ReLU())
+
+
+class ChannelNorm(nn.LayerNorm):
+    """Layer norm over the channels of each point."""
+
+    def forward(self, input: Tensor) -> Tensor:  # noqa: A002
+        """Normalise (b c n)."""
+        return super().forward(input.transpose(1, 2)).transpose(1, 2)

@@ -79,3 +79,24 @@ def test_unet_halves_its_channels_on_entering_and_doubles_them_at_the_bottom():
     unet = UNet(Widths(), channels=8)
     assert [layer[0].out_channels for layer in (*unet.enter, *unet.down, *unet.up)] == [4, 8, 8, 16, 8, 8]
     assert unet(torch.randn(1, 5, 3)).shape[-1] == unet.channels
+
+
+def test_a_layer_norm_gives_each_point_features_of_one_scale_before_each_relu():
+    unet = UNet(Widths(), channels=8, norm="layer")
+    points = torch.randn(2, 12, 3)
+    seen = []
+    for layer in (*unet.enter, *unet.down, *unet.up, unet.merge[0]):
+        layer[-1].register_forward_hook(lambda module, given, made: seen.append(given[0]))
+    features = unet(points)
+    assert len(seen) == 7
+    for x in seen:  # (b c n)
+        close(x.mean(1), torch.zeros_like(x[:, 0]), 1e-5)
+        assert x.var(1, unbiased=False).max() <= 1 + 1e-5
+    assert seen[0].var(1, unbiased=False).min() > 0.99
+    assert features.shape == (2, 12, 8)
+
+
+def test_without_a_norm_features_hardly_vary_from_point_to_point():
+    points = F.normalize(torch.randn(2, 64, 3), dim=-1)
+    with_norm, without = (UNet(Widths(), channels=32, norm=norm)(points).std(1).mean() for norm in ("layer", "none"))
+    assert with_norm > 5 * without
