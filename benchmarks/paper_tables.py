@@ -110,7 +110,7 @@ def table2(found: Found) -> Table:
     for first in dict.fromkeys(alone.values()):
         differences |= against(found, "table2", first, [name for name in found if alone[name] == first])
     columns = ["network", "touch", "weights", *made.metrics, "cd against the network alone", EFFICIENCY, EXCHANGED]
-    columns += ["last quarter", "min"]
+    columns += ["steps", "last quarter", "min"]
     lines = []
     for name, runs in found.items():
         training = runs[0].results.training
@@ -123,12 +123,13 @@ def table2(found: Found) -> Table:
                 differences.get(name, ""),
                 efficiency_cell(rows[name].efficiencies or ()),
                 efficiency_cell(rows[name].exchanged),
+                "" if training.steps is None else f"{training.steps:,}",
                 last_quarter(runs[0]),
                 "" if training.seconds is None else f"{training.seconds / 60:.0f}",
             ]
         )
     baselines = {name: row for name, row in rows.items() if name not in found}
-    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 5] for name, row in baselines.items()]
+    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 6] for name, row in baselines.items()]
     return columns, lines
 
 
