@@ -1,7 +1,7 @@
 """How much a network's result depends on the features that its encoder gives: its error with those of another cloud.
 
 pcsr data make tapsr -o data/ --set seed=0
-python benchmarks/exchanged_features.py data/ tapsr pu-transformer runs/table2-pu-gcn-* [--save]
+python benchmarks/exchanged_features.py data/ tapsr pu-transformer runs/NAME-HASH [--save]
 
 The networks get the test clouds, or patches of them, without touch and in the training's frame. Within each batch the
 encoder's features are moved on by one cloud; coordinates stay. A fusion that adds touches to these features can change
@@ -82,8 +82,9 @@ def main(data: Path, weights: Sequence[str], saving: bool) -> None:
         rows = table(weights, Split.load(data, "test"))
         show(COLUMNS, rows)
         if saving:
-            command = "python benchmarks/exchanged_features.py data/ tapsr pu-transformer runs/table2-* --save"
-            save("exchanged-features", command, COLUMNS, rows)
+            used = " ".join(use if Path(use).name == use else f"runs/{Path(use).name}" for use in weights)
+            command = f"python benchmarks/exchanged_features.py data/ {used} --save"
+            save("exchanged-features", f"pcsr data make tapsr -o data/ --set seed=0; {command}", COLUMNS, rows)
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
 

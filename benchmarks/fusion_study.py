@@ -62,14 +62,17 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
         name: [] for name in ("without", "own", "other", "replaced", "moved", "features")
     }
     touches = [list(some[: recipe.data.touches].numpy()) for some in split.touches]
+    features: list[torch.Tensor] = []
+    with network.encoder.register_forward_hook(lambda module, given, made: features.append(made)):
+        without = [_dense(network, recipe, points, []) for points in split.points]
     for i, truth in enumerate(split.truth):
-        given = {"without": [], "own": touches[i], "other": touches[(i + 1) % len(split)]}
-        clouds = {
-            name: torch.from_numpy(upsample_as(recipe, network, split.points[i].numpy(), some)).float()
-            for name, some in given.items()
-        }
-        following = split.points[(i + 1) % len(split)].numpy()
-        clouds["features"] = _with_features(network, recipe, split.points[i].numpy(), following)
+        following = (i + 1) % len(split)
+        clouds = {"without": without[i]}
+        for name, some in (("own", touches[i]), ("other", touches[following])):
+            clouds[name] = _dense(network, recipe, split.points[i], some)
+        of_other = features[following]
+        with network.encoder.register_forward_hook(lambda module, given, made, of_other=of_other: of_other):
+            clouds["features"] = _dense(network, recipe, split.points[i], [])
         region = torch.from_numpy(covered_points(truth.numpy(), touches[i]).any(0))
         clouds["replaced"] = replace_region(clouds["without"], truth, region)
         for name, cloud in clouds.items():
@@ -78,14 +81,9 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
     return numbers
 
 
-def _with_features(network: Network, recipe: Recipe, points: CloudArray, other: CloudArray) -> torch.Tensor:
-    """Upsample a cloud without touch, after its features were replaced by those of another one."""
-    features: list[torch.Tensor] = []
-    with network.encoder.register_forward_hook(lambda module, given, made: features.append(made)):
-        upsample_as(recipe, network, other, [])
-    (of_other,) = features
-    with network.encoder.register_forward_hook(lambda module, given, made: of_other):
-        return torch.from_numpy(upsample_as(recipe, network, points, [])).float()
+def _dense(network: Network, recipe: Recipe, points: torch.Tensor, touches: Sequence[CloudArray]) -> torch.Tensor:
+    """Upsample a cloud as the recipe does."""
+    return torch.from_numpy(upsample_as(recipe, network, points.numpy(), touches)).float()
 
 
 def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:

@@ -34,7 +34,7 @@ USED = 4
 """Number of touches at which the rows of Table 4 are compared."""
 TOUCH = {"none": "–", "iterative": "the paper's fusion", "edge-conv": "points kept", "joint-cloud": "points kept"}
 """What a network makes of touches, by the name of its fusion."""
-ALONE = dict.fromkeys(("tapsr", "tapsr-edge-conv", "tapsr-midpoint"), "pu-transformer")
+ALONE = dict.fromkeys(("tapsr", "tapsr-edge-conv"), "pu-transformer")
 """Rows of Table 2 that are compared with a network of another name."""
 CONTROL = "control-touches.0"
 """Row of Table 4 with both blocks, trained without touch."""

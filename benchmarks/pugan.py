@@ -1,4 +1,4 @@
-"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of RESULTS.md).
+"""PU-GAN's test shapes: 4x from 2048 points and 16x from 512, beside interpolation (the tables of docs/accuracy.md).
 
 python benchmarks/pugan.py pugan21.npz [MODEL…] [--touches 4] [--size 60] [--first 5] [--save]
 

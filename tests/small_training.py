@@ -11,6 +11,7 @@ from pcsr.data.dataset import Split
 from pcsr.experiments.recorder import Progress
 from pcsr.experiments.train import train
 from pcsr.geometry.frames import UnitSphere
+from pcsr.network.build import build
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
@@ -36,6 +37,14 @@ def tiny(folder: Path, *overrides: str, more: str = "") -> Recipe:
     (folder / "tiny.yaml").write_text(TINY + more)
     (only,) = load(folder / "tiny.yaml", load_plugins(), overrides)
     return only
+
+
+def varied(recipe: Recipe) -> Network:
+    """A network whose features and touches have an effect: its last layer does not begin at zero."""
+    made = build(recipe, load_plugins()).eval()
+    with torch.no_grad():
+        made.upsampler.mlp[-1].weight.normal_()
+    return made
 
 
 def split(count: int, seed: int) -> Split:

@@ -12,13 +12,13 @@ from jaxtyping import Float
 from pcsr.contracts import Metric, ShapeSource
 from pcsr.data.dataset import Split
 from pcsr.data.sample import covered_points
-from pcsr.experiments.methods import Cloud, Method, bound_stream, upsampled
+from pcsr.experiments.methods import Method, bound_stream, upsampled
 from pcsr.metrics.one_cloud import measured
 from pcsr.metrics.touch_effect import TouchEffect, touch_effect
 from pcsr.plugins.registry import FILE, Registry
 from pcsr.recipe import Recipe
 from pcsr.results import MethodResult, validated
-from pcsr.tensors import Mesh
+from pcsr.tensors import CloudArray, Mesh
 from pcsr.threads import threads
 from pcsr.workers import worker_pool
 
@@ -118,10 +118,10 @@ def evaluate(
 class _Timed:
     """Dense clouds of one method, with the wall time of each."""
 
-    clouds: list[Cloud]
+    clouds: list[CloudArray]
     seconds: list[float]
 
-    def add(self, make: Callable[..., Cloud], *args: object) -> None:
+    def add(self, make: Callable[..., CloudArray], *args: object) -> None:
         start = time.perf_counter()
         self.clouds.append(make(*args))
         self.seconds.append(time.perf_counter() - start)
@@ -134,12 +134,12 @@ class _Timed:
 @dataclass(frozen=True)
 class _Task:
     metrics: Mapping[str, Metric]
-    dense: Cloud
-    truth: Cloud
+    dense: CloudArray
+    truth: CloudArray
     mesh: Mesh | None
 
 
-def _touches(recipe: Recipe, split: Split, i: int) -> list[Cloud]:
+def _touches(recipe: Recipe, split: Split, i: int) -> list[CloudArray]:
     """Return the touches of an object, as many as the recipe uses."""
     return list(split.touches[i][: recipe.data.touches].numpy())
 
@@ -202,5 +202,5 @@ def _measure(task: _Task) -> dict[str, float]:
     return {name: measured(name, metric, prediction, truth, task.mesh) for name, metric in task.metrics.items()}
 
 
-def _tensor(cloud: Cloud) -> Float[torch.Tensor, "n 3"]:
+def _tensor(cloud: CloudArray) -> Float[torch.Tensor, "n 3"]:
     return torch.from_numpy(cloud).float()

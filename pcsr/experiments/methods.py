@@ -13,10 +13,8 @@ from pcsr.network.kinds import AnyNetwork
 from pcsr.plugins.registry import Registry
 from pcsr.recipe import Recipe
 from pcsr.recipe.pretrained import check_weights
-from pcsr.tensors import Mesh
+from pcsr.tensors import CloudArray, Mesh
 from pcsr.upsample import protocol, thread_limit, upsample_as
-
-Cloud = Float[np.ndarray, "n 3"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Method:
 
     name: str
     parameters: int
-    upsample: Callable[[Cloud, Sequence[Cloud]], Cloud] | None
+    upsample: Callable[[CloudArray, Sequence[CloudArray]], CloudArray] | None
     """Function of the sparse cloud and the touches, in one frame, that returns the dense cloud in that frame.
 
     `None`: `bound` is called instead.
@@ -71,7 +69,7 @@ def _baseline_method(name: str, baseline: Baseline, recipe: Recipe) -> Method:
 
 
 def upsampled(
-    name: str, baseline: Baseline, points: Cloud, rate: int, mesh: Mesh | None, rng: np.random.Generator
+    name: str, baseline: Baseline, points: CloudArray, rate: int, mesh: Mesh | None, rng: np.random.Generator
 ) -> Float[np.ndarray, "_ 3"]:
     """Run a baseline, which may be a plugin's, on copies of the cloud and the mesh.
 

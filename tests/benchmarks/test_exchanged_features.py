@@ -8,16 +8,13 @@ import torch
 from click.testing import CliRunner
 
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.build import build
 from pcsr.network.save import save_weights
-from pcsr.plugins.loading import load_plugins
-from tests.small_training import split, tiny
+from tests.small_training import split, tiny, varied
 
 ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(ROOT / "benchmarks"))
     features = importlib.import_module("exchanged_features")
-REGISTRY = load_plugins()
 OBJECTS = split(3, 5)
 
 
@@ -28,10 +25,7 @@ def recipe(tmp_path):
 
 @pytest.fixture
 def network(recipe):
-    made = build(recipe, REGISTRY).eval()
-    with torch.no_grad():
-        made.upsampler.mlp[-1].weight.normal_()
-    return made
+    return varied(recipe)
 
 
 def test_each_cloud_gets_the_features_of_another_one_and_keeps_its_coordinates(recipe, network):

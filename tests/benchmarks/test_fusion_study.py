@@ -13,11 +13,10 @@ from pcsr.data.sample import covered_points
 from pcsr.errors import UserError
 from pcsr.geometry.frames import UnitSphere
 from pcsr.metrics.chamfer import chamfer
-from pcsr.network.build import build
 from pcsr.network.save import save_weights
 from pcsr.plugins.loading import load_plugins
 from pcsr.upsample import upsample_as
-from tests.small_training import split, tiny
+from tests.small_training import split, tiny, varied
 
 ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
@@ -34,11 +33,7 @@ def recipe(tmp_path):
 
 @pytest.fixture
 def network(recipe):
-    """One whose touches have an effect."""
-    made = build(recipe, REGISTRY).eval()
-    with torch.no_grad():
-        made.upsampler.mlp[-1].weight.normal_()
-    return made
+    return varied(recipe)
 
 
 @pytest.fixture
