@@ -3,37 +3,28 @@
 import copy
 import json
 from collections.abc import Callable, Collection
-from typing import Any, TypeGuard, get_args
+from typing import Any, TypeGuard
 
 from pydantic import BaseModel, ValidationError
 
-from pcsr.errors import UserError, did_you_mean
+from pcsr.errors import UserError
 from pcsr.plugins.part_choice import PartChoice
 from pcsr.plugins.registry import Registry
 from pcsr.recipe.contradictions import contradictions
 from pcsr.recipe.graft import NETWORK_PART, network_code, network_mistakes
 from pcsr.recipe.merge import merge
-from pcsr.recipe.old_names import KEYS, modernize
+from pcsr.recipe.mistakes import mistakes_of
+from pcsr.recipe.old_names import modernize
 from pcsr.recipe.optimizers import optimizer_options
 from pcsr.recipe.part_keys import MODEL, NAMES, NETWORK_KEYS, PART_LISTS, PARTS, is_graft, owner_of
 from pcsr.recipe.schema import (
     DEFAULTS,
     GRAFT_DEFAULTS,
-    GRAFT_TAG,
-    PARTS_TAG,
     Evaluate,
-    Model,
     Recipe,
     options_model,
 )
 from pcsr.recipe.source import Keys, Location, Mistake, RecipeError, Source
-from pcsr.validation_messages import explained, shown
-
-Locate = Callable[[Keys, bool], Location]
-"""Function from the keys of a value to its location in the file or, if the flag is true, to that of its last key."""
-
-TAGS = (PARTS_TAG, GRAFT_TAG)
-"""Items of the locations of pydantic's errors that are no keys."""
 
 
 def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.keys()) -> Recipe:
@@ -72,7 +63,7 @@ def check(source: Source, registry: Registry, parts: Collection[Keys] = PARTS.ke
     try:
         recipe = Recipe.model_validate(data)
     except ValidationError as error:
-        mistakes += _mistakes(error, data, Recipe, (), lambda keys, name: source.location(keys, of_name=name))
+        mistakes += mistakes_of(error, data, Recipe, (), lambda keys, name: source.location(keys, of_name=name))
     # One mistake for each location: a value that could not be read has the wrong type too.
     unread = {mistake.location for mistake in source.mistakes}
     mistakes = [*source.mistakes, *(mistake for mistake in mistakes if mistake.location not in unread)]
@@ -209,7 +200,7 @@ def _spec(
         def locate(inner: Keys, of_name: bool) -> Location:
             return source.location((*keys, *inner), of_name=of_name)
 
-        mistakes += _mistakes(error, options, model, (f"{kind} '{name}'",), locate)
+        mistakes += mistakes_of(error, options, model, (f"{kind} '{name}'",), locate)
         return blank
     return {"use": name, "options": {key: getattr(checked, key) for key in type(checked).model_fields}}
 
@@ -251,70 +242,6 @@ def _is_part(written: Any) -> TypeGuard[dict[str, Any]]:
 
 def _options(written: dict[str, Any]) -> dict[str, Any]:
     return {key: option for key, option in written.items() if key != "use"}
-
-
-def _mistakes(
-    error: ValidationError, data: Any, model: type[BaseModel], head: tuple[str, ...], locate: Locate
-) -> list[Mistake]:
-    """Convert pydantic's errors to mistakes, one for each value: errors of a union's branches are merged."""
-    by_keys: dict[Keys, list[Any]] = {}
-    for one in error.errors():
-        missing = one["type"] in ("missing", "extra_forbidden")
-        keys = tuple(key for key in one["loc"] if key not in TAGS) if missing else _existing(one["loc"], data)
-        by_keys.setdefault(keys, []).append(one)
-    # An error within a value says more than one of the whole value, which is of another branch of the union.
-    outer = {keys[:depth] for keys in by_keys for depth in range(len(keys))}
-    return [_mistake(keys, errors, model, head, locate) for keys, errors in by_keys.items() if keys not in outer]
-
-
-def _mistake(keys: Keys, errors: list[Any], model: type[BaseModel], head: tuple[str, ...], locate: Locate) -> Mistake:
-    kind = errors[0]["type"]
-    path = ".".join((*head, *map(_key, keys)))
-    if kind == "extra_forbidden":
-        owner = " ".join([*head, *map(_key, keys[:-1])]) or "a recipe"
-        if not head and str(keys[-1]) in ("extends", "matrix", "recipes"):
-            return Mistake(locate(keys, True), f"'{keys[-1]}' is a key of the file: write it at the top level")
-        if not head and keys in KEYS:
-            new = f"{keys[0]}.{KEYS[keys]}"
-            return Mistake(locate(keys, True), f"{path} is the old name of {new}, which is given too: remove it")
-        if not head and keys[:-1] == ("model",) and keys[-1] in Model.model_fields:
-            return Mistake(locate(keys, True), f"a model has either graft or {keys[-1]}: remove one of the two")
-        remedy = did_you_mean(str(keys[-1]), _fields(model, keys[:-1]))
-        return Mistake(locate(keys, True), f"{owner} takes no '{_key(keys[-1])}': {remedy}")
-    if kind == "missing":
-        return Mistake(locate(keys[:-1], False), f"{path} is missing: add it")
-    if kind == "model_type":
-        got = shown(errors[0]["input"])
-        return Mistake(locate(keys, False), f"{path} is a section: write its keys under it, got {got}")
-    return Mistake(locate(keys, False), f"{path}: {explained(errors)}")
-
-
-def _key(key: int | str) -> str:
-    """Return a key for a message, shortened if it is long."""
-    return shown(key)[1:-1] if isinstance(key, str) else str(key)
-
-
-def _existing(loc: tuple[int | str, ...], data: Any) -> Keys:
-    """Return pydantic's location of an error without the names of union branches, which are not keys of the data."""
-    keys: list[int | str] = []
-    for key in loc:
-        try:
-            data = data[key]
-        except (LookupError, TypeError):
-            continue
-        keys.append(key)
-    return tuple(keys)
-
-
-def _fields(model: type[BaseModel], keys: Keys) -> list[str]:
-    models: list[type[BaseModel]] = [model]
-    for key in keys:
-        annotations = [one.model_fields[str(key)].annotation for one in models if str(key) in one.model_fields]
-        # Of `Section | None`, the section; of a model, both of its kinds.
-        kinds = [getattr(kind, "__origin__", kind) for one in annotations for kind in get_args(one) or (one,)]
-        models = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
-    extra = ["extends", "matrix", "recipes"] if models == [Recipe] else []
-    return [*(field for one in models for field in one.model_fields), *extra]
 
 
 def _unknown_names(source: Source, registry: Registry) -> list[Mistake]:
