@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     metavar="X Y Z",
     help="Position of the camera, in the frame and unit of the cloud.  [default: estimated]",
 )
+@click.option("--all-around", is_flag=True, help="The cloud shows the object from all sides: guess no far side.")
 @click.option(
     "--unit",
     default=None,
@@ -89,6 +90,7 @@ def next_(
     sensor: str,
     policy: str,
     camera: tuple[float, float, float] | None,
+    all_around: bool,
     unit: str | None,
     candidates: int | None,
     seed: int,
@@ -139,6 +141,7 @@ def next_(
             sensor=fingertip_of(sensor, registry),
             policy=chooser,
             camera=camera,
+            all_around=all_around,
             unit=unit,
             candidates=CANDIDATES if candidates is None else candidates,
             seed=seed,
@@ -170,7 +173,7 @@ def _show(found: "NextTouches", *, given: bool) -> None:
         x, y, z = found.towards
         click.echo(
             f"The cloud seems to be seen from one side, direction {x:.2f} {y:.2f} {z:.2f}: its far side is guessed. If "
-            f"not, or if you know where the camera was, give --camera."
+            f"it shows all sides, give --all-around; if you know where the camera was, --camera."
         )
     if found.reason:
         click.echo(f"{len(found)} poses: {found.reason}")

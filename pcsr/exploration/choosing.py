@@ -85,6 +85,7 @@ def choose(
     seen: Float[np.ndarray, "n 3"],
     touched: list[Float[np.ndarray, "m 3"]],
     towards: Float[np.ndarray, "3"] | None,
+    all_around: bool,
     count: int,
     fingertip: Fingertip,
     policy: Policy,
@@ -98,6 +99,7 @@ def choose(
         seen: points of the cloud.
         touched: points of each touch so far.
         towards: unit vector towards the camera; None to estimate it.
+        all_around: whether the cloud shows all sides, so that no far side is guessed.
         count: number of poses.
         fingertip: outline of the sensor.
         policy: chooses among the candidates that can be reached.
@@ -110,7 +112,7 @@ def choose(
     """
     before = np.concatenate([np.zeros((0, 3)), *touched])
     known = KnownSurface.of(seen, before)
-    towards = direction(known, towards, fingertip)
+    towards = None if all_around else direction(known, towards, fingertip)
     candidates, guessed = guessed_candidates(known, towards, tries, fingertip, rng)
     model = ContactModel.of(np.concatenate([known.points, candidates.points[guessed]]))
     possible = reachable(candidates, model)

@@ -34,6 +34,7 @@ def next_touches(
     sensor: str | Fingertip = "digit",
     policy: str | Policy = "expected-error",
     camera: Sequence[float] | None = None,
+    all_around: bool = False,
     unit: str | float | None = None,
     candidates: int = CANDIDATES,
     seed: int = 0,
@@ -55,6 +56,7 @@ def next_touches(
         policy: name of a policy, or a policy.
         camera: position of the camera, (3), in the frame and unit of the cloud. By default the direction from which the
             cloud was seen is estimated; if it shows several sides, no far side is guessed.
+        all_around: the cloud shows the object from all sides, so that no far side is guessed.
         unit: unit of the cloud: "mm", "m", "cm", "in", or its length in mm. By default that of the touches, or mm
             without any.
         candidates: number of points of the surface at which poses are tried. More take longer and find better ones.
@@ -68,8 +70,8 @@ def next_touches(
         At most `count` poses; if there are fewer, `reason` says why.
 
     Raises:
-        UserError: the cloud is too small for the sensor or has too few points, the units contradict each other, or
-            there is no such sensor or policy.
+        UserError: the cloud is too small for the sensor or has too few points, the units contradict each other, there
+            is no such sensor or policy, or `camera` is given with `all_around`.
 
     Examples:
         >>> ball = np.random.default_rng(0).normal(size=(400, 3))
@@ -83,6 +85,8 @@ def next_touches(
             raise UserError(f"{name} is {number!r}: give a whole number from {least} on")
     if not isinstance(policy, str | Policy):
         raise UserError(f"policy is {policy!r}: give the name of a policy, or an instance of one")
+    if camera is not None and all_around:
+        raise UserError("a cloud from all around has no one camera: give either camera or all_around (--all-around)")
     screened = cloud if isinstance(cloud, ScreenedCloud) else screen(convert(cloud).cloud, bad)
     points = screened.points
     given = GivenTouches.of(touches, as_is=touch_as_is)
@@ -100,7 +104,8 @@ def next_touches(
     touched = [(one - middle) * scale for one in given.points(0)]
     _check_size(seen, fingertip, length)
     towards = _towards(camera, points)
-    found = choose(seen, touched, towards, count, fingertip, chooser, candidates, np.random.default_rng(seed), advance)
+    rng = np.random.default_rng(seed)
+    found = choose(seen, touched, towards, all_around, count, fingertip, chooser, candidates, rng, advance)
     to_cloud = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
     to_cloud[:3, 3] = middle
     moved = tuple(replace(one, pose=to_cloud @ one.pose) for one in found.touches)

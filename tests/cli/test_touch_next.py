@@ -66,6 +66,7 @@ def test_metres_are_named_or_refused(run):
     [
         (("--unit", "ell"), "unit is 'ell': name it"),
         (("--camera", "0", "0", "5"), "inside of the cloud"),
+        (("--camera", "0", "0", "99", "--all-around"), "give either camera"),
         (("-o", "next.txt"), ".json or .ply"),
         (("-o", "scan.xyz"), ".json or .ply"),
         (("--sensor", "digitt"), "pcsr: error: --sensor: there is no sensor 'digitt': did you mean 'digit'"),

@@ -47,6 +47,13 @@ def test_the_camera_says_which_side_is_hidden(found):
     assert not any(touch.guessed for touch in next_touches(ball(600), sensor=TIP))
 
 
+def test_nothing_is_guessed_of_a_cloud_from_all_around():
+    found = next_touches(SEEN, sensor=TIP, count=3, all_around=True)
+    assert len(found) > 0
+    assert found.towards is None
+    assert not any(touch.guessed for touch in found)
+
+
 def test_the_face_rests_a_press_below_the_surface(found):
     seen = [touch for touch in found if not touch.guessed]
     for touch in seen:
@@ -111,6 +118,7 @@ def test_a_flat_sheet_has_poses_on_it():
         ({"cloud": np.outer(np.linspace(0, 40, 50), [1.0, 2, 3])}, "lie on a line"),
         ({"cloud": np.concatenate([SEEN, [[np.nan, 0, 0]]])}, "bad='drop'"),
         ({"camera": tuple(SEEN.mean(0))}, "inside of the cloud, which reaches from"),
+        ({"camera": (0.0, 0.0, 100.0), "all_around": True}, "give either camera or all_around"),
         ({"sensor": "digitt"}, "did you mean 'digit'"),
         ({"policy": "spars"}, "did you mean 'sparse'"),
         ({"touches": [Touch.single(SEEN[:99], None, 1000.0, "x")], "unit": 1.0, "touch_as_is": True}, "1000 mm"),
