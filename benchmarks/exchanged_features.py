@@ -18,7 +18,7 @@ from saved import save, show
 
 from pcsr.data.batches import Batches
 from pcsr.data.dataset import Split
-from pcsr.errors import PcsrError
+from pcsr.errors import PcsrError, UserError
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.kinds import AnyNetwork
 from pcsr.network.load import load_weights
@@ -36,7 +36,12 @@ def measure(network: AnyNetwork, recipe: Recipe, split: Split) -> tuple[int, flo
 
     Returns:
         The number of clouds, and the mean Chamfer distance of both, in the frame of the training.
+
+    Raises:
+        UserError: there is one cloud alone.
     """
+    if len(split) < 2:
+        raise UserError("the test split has one object, and none to exchange features with: build more objects")
     batches = Batches(split, min(BATCH, len(split)), (0, 0), (), seed=0, patches=recipe.patches)
     errors: dict[int, list[torch.Tensor]] = {0: [], 1: []}
     for number in range(batches.per_epoch):

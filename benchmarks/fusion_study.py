@@ -8,19 +8,20 @@ another object. The numbers are kept in the run's folder (`snapshots.json`), so 
 new. Rows that are still in training are shown as far as they are.
 """
 
-import json
-import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Annotated, Self
 
 import click
 import numpy as np
 import torch
+from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter, ValidationError, model_validator
 from rich.console import Console
 from rich.progress import track
 from saved import save, show
+from study_runs import folders, row_of
 
 from pcsr.data.dataset import Split
 from pcsr.data.sample import covered_points
@@ -32,7 +33,7 @@ from pcsr.network.load import load_weights
 from pcsr.network.network import Network
 from pcsr.plugins.loading import load_plugins
 from pcsr.plugins.registry import Registry
-from pcsr.recipe import Recipe, load
+from pcsr.recipe import Recipe
 from pcsr.report.figures.line_chart import Line, line_chart
 from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import snapshot_file
@@ -40,12 +41,32 @@ from pcsr.tensors import CloudArray
 from pcsr.upsample import upsample_as
 from pcsr.weights.file import read_card
 
-STUDY = Path("fusions/study")
+STUDY = "fusions/study"
 MEASURED = "snapshots.json"
-Numbers = Mapping[str, Sequence[float]]
+Numbers = Mapping[str, Annotated[list[FiniteFloat], Field(min_length=1)]]
 """Chamfer distance of each test object: `without` touch, with its `own` touches, with those of an `other` object, and
 `replaced`: without touch, the touched region replaced by the truth. `moved` is that of the network's own two results,
 without touch and with touches. `features` is without touch, with the encoder's features of another object."""
+NAMES = ("without", "own", "other", "replaced", "moved", "features")
+"""What is measured of each object."""
+
+
+class Measured(BaseModel):
+    """The numbers of a snapshot."""
+
+    sha256: str
+    """Hash of its weights."""
+    cd: Numbers
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if set(self.cd) != set(NAMES) or len({len(each) for each in self.cd.values()}) > 1:
+            raise ValueError(f"it must have {', '.join(NAMES)}, each of all objects")
+        return self
+
+
+FILE = TypeAdapter(dict[str, Measured])
+"""The numbers of a run's snapshots, by the names of their files."""
 Rows = dict[str, dict[int, list[Numbers]]]
 """Row to step to the numbers of each seed."""
 COLUMNS = ("row", "seeds", "step", "cd without touch", "with touches", "with another object's", EFFICIENCY)
@@ -58,9 +79,7 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
     Without touch it is also upsampled with the encoder's features of the next object, which shows whether the network
     uses features at all.
     """
-    numbers: dict[str, list[float]] = {
-        name: [] for name in ("without", "own", "other", "replaced", "moved", "features")
-    }
+    numbers: dict[str, list[float]] = {name: [] for name in NAMES}
     touches = [list(some[: recipe.data.touches].numpy()) for some in split.touches]
     features: list[torch.Tensor] = []
     with network.encoder.register_forward_hook(lambda module, given, made: features.append(made)):
@@ -86,30 +105,43 @@ def _dense(network: Network, recipe: Recipe, points: torch.Tensor, touches: Sequ
     return torch.from_numpy(upsample_as(recipe, network, points.numpy(), touches)).float()
 
 
-def measured(folder: Path, registry: Registry) -> dict[int, Numbers]:
-    """Return the numbers of a run's snapshots by step, after measuring those that are new."""
+def measured(folder: Path, steps: Sequence[int], registry: Registry) -> dict[int, Numbers]:
+    """Return the numbers of a run's snapshots by step, after measuring those that are new.
+
+    Raises:
+        UserError: the file of the numbers is malformed.
+    """
     path = folder / MEASURED
-    known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    known = _known(path)
     by_step = {}
-    for step in _recipe(folder)["train"]["snapshots"]:
+    for step in steps:
         weights = folder / snapshot_file(step)
         if not weights.exists():
             continue
         card = read_card(weights)
         entry = known.get(weights.name)
-        if entry is None or entry["sha256"] != card["sha256"] or "features" not in entry["cd"]:
+        if entry is None or entry.sha256 != card["sha256"]:
             network, recipe, _ = load_weights(weights, registry)
             split = _test_split(folder.parent / "data" / card["data_fingerprint"][:12])
-            known[weights.name] = entry = {"sha256": card["sha256"], "cd": measure(network, recipe, split)}
-            write_text(path, json.dumps(known))
-        by_step[step] = entry["cd"]
+            known[weights.name] = entry = Measured(sha256=card["sha256"], cd=measure(network, recipe, split))
+            write_text(path, FILE.dump_json(known).decode())
+        by_step[step] = entry.cd
     return by_step
 
 
-@cache
-def order() -> list[str]:
-    """Return the names of the study's rows."""
-    return [_row(recipe.name) for recipe in load(STUDY, load_plugins(), ["seed=0"])]
+def _known(path: Path) -> dict[str, Measured]:
+    """Read the numbers that a run's folder has; none without the file.
+
+    Raises:
+        UserError: the file is malformed.
+    """
+    if not path.exists():
+        return {}
+    try:
+        return FILE.validate_json(path.read_bytes())
+    except ValidationError as error:
+        what = f"{'.'.join(map(str, error.errors()[0]['loc']))}: {error.errors()[0]['msg']}".removeprefix(": ")
+        raise UserError(f"{path}: {what}; remove the file, and the snapshots are measured again") from error
 
 
 @cache
@@ -117,35 +149,20 @@ def _test_split(folder: Path) -> Split:
     return Split.load(folder, "test")
 
 
-def _recipe(folder: Path) -> dict:
-    """Return the resolved recipe of a run, finished or not."""
-    return json.loads((folder / "recipe.json").read_text(encoding="utf-8"))
-
-
-def _row(name: str) -> str:
-    """The name of a row, of that of its run: without those of the study and the seed."""
-    return re.sub(r"-seed\.\d+$", "", name).partition("-")[2]
-
-
 def read(runs: Path, registry: Registry) -> Rows:
-    """Measure the study's runs, in the order of its rows. Of runs of the same row and seed the first counts.
+    """Measure the study's runs, in the order of its rows.
 
     Raises:
         UserError: there are no snapshots, or the test data are not in RUNS/data.
     """
-    rows: Rows = {row: defaultdict(list) for row in order()}
-    seen = set()
-    folders = sorted(path.parent for path in runs.glob("fusions-*/recipe.json"))
-    for folder in track(folders, "measuring", console=Console(stderr=True), transient=True):
-        recipe = _recipe(folder)
-        row, by_step = _row(recipe["name"]), measured(folder, registry)
-        if row in rows and by_step and (row, recipe["seed"]) not in seen:
-            seen.add((row, recipe["seed"]))
-            for step, numbers in by_step.items():
-                rows[row][step].append(numbers)
-    if not seen:
+    rows: Rows = defaultdict(lambda: defaultdict(list))
+    found = list(folders(runs, STUDY))
+    for recipe, folder in track(found, "measuring", console=Console(stderr=True), transient=True):
+        for step, numbers in measured(folder, recipe.train.snapshots, registry).items():
+            rows[row_of(recipe)][step].append(numbers)
+    if not rows:
         raise UserError(f"{runs} holds no snapshot of the study: `pcsr run fusions/study --runs {runs}` makes some")
-    return {row: by_step for row, by_step in rows.items() if by_step}
+    return dict(rows)
 
 
 def shares(seeds: Sequence[Numbers], touched: str = "own") -> list[float]:
@@ -201,6 +218,8 @@ def main(runs: Path, out: Path | None, saving: bool) -> None:
     """Print the tables of the study in RUNS."""
     torch.set_num_threads(1)
     try:
+        if out is not None and out.exists() and not out.is_dir():
+            raise UserError(f"-o {out}: it is a file; name a folder")
         rows = read(runs, load_plugins())
         lines = table(rows)
         show(COLUMNS, lines)

@@ -8,19 +8,17 @@ are those of the recipes, in brackets.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 
 import click
 from rich.console import Console
 from saved import save, show
+from study_runs import folders, row_of
 
-from pcsr.errors import PcsrError
+from pcsr.errors import PcsrError, UserError
 from pcsr.metrics.touch_effect import EFFICIENCY, EXCHANGED
-from pcsr.plugins.loading import load_plugins
-from pcsr.recipe import load
 from pcsr.report.tables.comparison import Comparison, comparison
-from pcsr.report.tables.rows import SEED, Row
+from pcsr.report.tables.rows import Row
 from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import RESULTS, FinishedRun, read_results_of
 
@@ -50,21 +48,12 @@ ROWS4 = {
 """Rows of Table 4 by the names in the recipe."""
 
 
-@cache
-def names(study: str) -> list[str]:
-    """Return the names of a study's runs, with that of the study and the seed."""
-    return [recipe.name for recipe in load(Path(study), load_plugins())]
-
-
 def finished(runs: Path, study: str) -> Found:
     """Return the finished runs of a study. Rows that are not finished are missing."""
     found: Found = {}
-    for full in names(study):
-        name = SEED.sub("", full).removeprefix(f"{study}-")
-        folders = [path.parent for path in runs.glob(f"{full}-????????/{RESULTS}")]
-        if folders:  # of several the newest
-            newest = max(folders, key=lambda folder: (folder / RESULTS).stat().st_mtime)
-            found.setdefault(name, []).append(read_results_of(newest))
+    for recipe, folder in folders(runs, study):
+        if (folder / RESULTS).exists():
+            found.setdefault(row_of(recipe), []).append(read_results_of(folder))
     return found
 
 
@@ -87,7 +76,7 @@ def cell(row: Row, metric: str, *, over_seeds: bool = False) -> str:
 
 def last_quarter(run: FinishedRun) -> str:
     """How much the validation error fell in the last quarter of the training, in per cent of its value before."""
-    lines = [line for line in run.history or () if "validation" in line]
+    lines = [line for line in run.history or () if line.get("validation")]
     if not lines:
         return ""
     metric = next(iter(lines[-1]["validation"]))
@@ -197,7 +186,7 @@ TABLES: dict[str, tuple[str, Callable[[Found], Table]]] = {
 @click.option("--save", "saving", is_flag=True, help="Write docs/numbers/table-2.json and so on.")
 def main(runs: Path, saving: bool) -> None:
     """Print the tables of the runs in RUNS."""
-    console = Console(stderr=True)
+    console, made = Console(stderr=True), False
     try:
         for name, (study, make) in TABLES.items():
             found = finished(runs, study)
@@ -205,9 +194,12 @@ def main(runs: Path, saving: bool) -> None:
             if not rows:
                 console.print(f"{name}: left out, as its runs in {runs} are not finished", soft_wrap=True)
                 continue
+            made = True
             show(columns, rows, title=name)
             if saving:
                 save(name, f"pcsr run {study}; python benchmarks/paper_tables.py runs --save", columns, rows)
+        if not made:
+            raise UserError(f"{runs} holds no finished run of Tables 2 to 5: `pcsr run table2 --runs {runs}`")
     except PcsrError as error:
         raise click.ClickException(str(error)) from error
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 from click.testing import CliRunner
 
+from pcsr.errors import UserError
 from pcsr.metrics.chamfer import chamfer
 from pcsr.network.save import save_weights
 from tests.small_training import split, tiny, varied
@@ -46,6 +47,11 @@ def test_a_network_that_ignores_its_features_has_the_same_error(recipe, network)
             encoder.position.features.edge.weight.zero_()
     _, own, exchanged = features.measure(network, recipe, OBJECTS)
     assert own == exchanged
+
+
+def test_one_object_alone_is_refused(recipe, network):
+    with pytest.raises(UserError, match="the test split has one object, and none to exchange features with"):
+        features.measure(network, recipe, split(1, 5))
 
 
 def test_the_command_takes_names_and_files(recipe, network, tmp_path, monkeypatch):

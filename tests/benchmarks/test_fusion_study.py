@@ -1,8 +1,8 @@
 """benchmarks/fusion_study.py: what is measured of a snapshot, which runs count, and what the tables say."""
 
 import importlib
-import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(ROOT / "benchmarks"))
     study = importlib.import_module("fusion_study")
+    study_runs = importlib.import_module("study_runs")
 REGISTRY = load_plugins()
 OBJECTS = split(3, 5)
 
@@ -44,17 +45,23 @@ def run(tmp_path, recipe, network, monkeypatch):
     measure = study.measure
     monkeypatch.setattr(study, "measure", lambda *given: calls.append(1) or measure(*given))
 
-    def leave(name, seed=0, steps=(2, 8), folder=None):
-        of = recipe.model_copy(update={"name": name, "seed": seed})
-        path = tmp_path / "runs" / (folder or f"{name}-{seed}")
+    rows = {one.name: one.fingerprint[:8] for one in study_runs.recipes(study.STUDY)}
+    monkeypatch.setattr(study_runs, "recipes", lambda name: [as_row(recipe, *row) for row in rows.items()])
+
+    def leave(name, steps=(2, 8), folder=None):
+        path = tmp_path / "runs" / (folder or f"{name}-{rows[name]}")
         path.mkdir(parents=True, exist_ok=True)
-        (path / "recipe.json").write_text(json.dumps(of.resolved()))
         for step in steps:
-            card = {"name": name, "recipe": of.resolved(), "data_fingerprint": "0" * 64}
+            card = {"name": name, "recipe": recipe.resolved(), "data_fingerprint": "0" * 64}
             save_weights(path / f"weights-{step}.safetensors", network, card)
         return path
 
     return leave, calls
+
+
+def as_row(recipe, name, fingerprint):
+    """A row of the study with the settings of a recipe."""
+    return SimpleNamespace(name=name, fingerprint=fingerprint, train=recipe.train)
 
 
 def with_features(network, points, other):
@@ -95,11 +102,12 @@ def test_an_object_is_measured_without_touch_with_its_touches_and_with_those_of_
 
 def test_rows_are_those_of_the_study_in_its_order_and_runs_of_one_row_are_its_seeds(run, tmp_path):
     leave, _ = run
-    leave("fusions-nearest-seed.1", 1)
-    leave("fusions-nearest-seed.0", 0)
-    leave("fusions-iterative", 0, steps=(2,))
-    leave("fusions-iterative-seed.0", 0, steps=())  # evaluated again under another name
-    leave("fusions-unknown", 0)
+    leave("fusions-nearest-seed.1")
+    leave("fusions-nearest-seed.0")
+    leave("fusions-iterative-seed.0", steps=(2,))
+    leave("fusions-iterative-seed.1", folder="fusions-iterative-seed.1-00000000")  # of other settings
+    leave("fusions-concat-seed.0", steps=())
+    leave("fusions-concat-seed.1", folder="fusions-unknown-seed.0-00000001")
     rows = study.read(tmp_path / "runs", REGISTRY)
     assert {row: {step: len(seeds) for step, seeds in of.items()} for row, of in rows.items()} == {
         "iterative": {2: 1},
@@ -110,20 +118,37 @@ def test_rows_are_those_of_the_study_in_its_order_and_runs_of_one_row_are_its_se
 
 def test_a_snapshot_is_measured_once_unless_it_changes(run, tmp_path, network):
     leave, calls = run
-    path = leave("fusions-pool")
+    path = leave("fusions-pool-seed.0")
     first = study.read(tmp_path / "runs", REGISTRY)
     assert len(calls) == 2
     assert study.read(tmp_path / "runs", REGISTRY) == first
     assert len(calls) == 2
     with torch.no_grad():
         network.upsampler.mlp[-1].weight.normal_()
-    leave("fusions-pool", steps=(8,))
+    leave("fusions-pool-seed.0", steps=(8,))
     again = study.read(tmp_path / "runs", REGISTRY)["pool"]
     assert len(calls) == 3
     assert again[2] == first["pool"][2]
     assert again[8] != first["pool"][8]
     (path / "weights-2.safetensors").unlink()
     assert list(study.read(tmp_path / "runs", REGISTRY)["pool"]) == [8]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "Invalid JSON"),
+        ("[]", "should be an object"),
+        ('{"weights-2.safetensors": {"cd": {}}}', "sha256: Field required"),
+        ('{"weights-2.safetensors": {"sha256": "0", "cd": {"own": [1.0]}}}', "must have without, own, other"),
+        ('{"weights-2.safetensors": {"sha256": "0", "cd": {"own": [NaN]}}}', "finite number"),
+    ],
+)
+def test_a_malformed_file_of_numbers_is_named(run, tmp_path, content, message):
+    leave, _ = run
+    (leave("fusions-pool-seed.0") / "snapshots.json").write_text(content)
+    with pytest.raises(UserError, match=rf"snapshots\.json: .*{message}.*; remove the file"):
+        study.read(tmp_path / "runs", REGISTRY)
 
 
 def test_without_snapshots_it_says_what_makes_some(tmp_path):
@@ -168,8 +193,8 @@ def test_a_line_is_of_the_last_step_that_all_seeds_have_reached():
 
 def test_the_command_prints_the_tables_and_draws_the_picture(run, tmp_path):
     leave, _ = run
-    leave("fusions-iterative")
-    leave("fusions-concat")
+    leave("fusions-iterative-seed.0")
+    leave("fusions-concat-seed.0")
     done = CliRunner().invoke(study.main, [str(tmp_path / "runs"), "-o", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert "| `iterative` | 1     | 8    |" in done.output

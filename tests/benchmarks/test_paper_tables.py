@@ -2,7 +2,6 @@
 
 import importlib
 import json
-import os
 import re
 from pathlib import Path
 
@@ -15,12 +14,19 @@ ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(ROOT / "benchmarks"))
     tables = importlib.import_module("paper_tables")
+    recipes = importlib.import_module("study_runs").recipes
 
 
 def change(folder, **results):
     path = folder / "results.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | results))
     return folder
+
+
+def put_row(runs, name, **given):
+    """Write the run folder of a study's row, by the fingerprint of its recipe."""
+    (recipe,) = [one for one in recipes(name.partition("-")[0]) if one.name == name]
+    return put(runs / f"{name}-{recipe.fingerprint[:8]}", name, **given)
 
 
 def effect(touched, plain, replaced):
@@ -42,17 +48,14 @@ def runs(tmp_path):
 
 
 def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
-    for name, fusion, folder in (
-        ("table2-tapsr", "iterative", "table2-tapsr-00000001"),
-        ("table2-pu-gcn-touch-edge-conv", "edge-conv", "table2-pu-gcn-touch-edge-conv-00000002"),
-        ("table2-pu-gcn-touch", "iterative", "table2-pu-gcn-touch-00000003"),
-        ("table2-pu-gcn", "none", "table2-pu-gcn-00000004"),
-    ):
-        put(runs / folder, name, fusion=fusion)
-    unfinish(put(runs / "table2-mpu-00000005", "table2-mpu"))
+    tapsr = put_row(runs, "table2-tapsr", fusion="iterative")
+    put_row(runs, "table2-pu-gcn-touch-edge-conv", fusion="edge-conv")
+    fused = put_row(runs, "table2-pu-gcn-touch", fusion="iterative")
+    alone = put_row(runs, "table2-pu-gcn")
+    unfinish(put_row(runs, "table2-mpu"))
     put(runs / "other-00000006", "other")
-    change(runs / "table2-pu-gcn-touch-00000003", touch=effect(0.9, 1.0, 0.6) | {"exchanged": [0.95] * 8})
-    published(runs / "table2-tapsr-00000001", cd=0.671)
+    change(fused, touch=effect(0.9, 1.0, 0.6) | {"exchanged": [0.95] * 8})
+    published(tapsr, cd=0.671)
     columns, lines = tables.table2(tables.finished(runs, "table2"))
     assert [line[:2] for line in lines] == [
         ["pu-gcn", "–"],
@@ -66,20 +69,20 @@ def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
     assert lines[1][columns.index("another object's")] == "0.125"
     assert {len(line) for line in lines} == {len(columns)}
     assert lines[3][columns.index("cd")].endswith("(0.671)")
-    values = json.loads((runs / "table2-pu-gcn-00000004/results.json").read_text())["methods"][0]["values"]["cd"]
+    values = json.loads((alone / "results.json").read_text())["methods"][0]["values"]["cd"]
     assert lines[0][columns.index("cd")].startswith(f"{1e3 * sum(values) / 8:.3f} ± ")
 
 
-def test_of_several_runs_of_a_row_the_newest_counts(runs):
-    for name, time in (("00000001", 100), ("00000002", 300), ("00000003", 200)):
-        folder = put(runs / f"table2-mpu-{name}", "table2-mpu")
-        os.utime(folder / "results.json", (time, time))
+def test_runs_of_a_row_with_other_settings_are_left_out_and_named(runs, capsys):
+    folder = put_row(runs, "table2-mpu")
+    put(runs / "table2-mpu-00000002", "table2-mpu")
     (found,) = tables.finished(runs, "table2").values()
-    assert [run.folder.name for run in found] == ["table2-mpu-00000002"]
+    assert [run.folder for run in found] == [folder]
+    assert "table2-mpu-00000002: left out, as its settings are not those of table2" in capsys.readouterr().err
 
 
 def test_the_last_quarter_is_the_change_of_the_validation_error(runs):
-    folder = put(runs / "table2-mpu-00000001", "table2-mpu")
+    folder = put_row(runs, "table2-mpu")
     errors = [8, 7, 6, 5, 4, 4, 4, 3]
     lines = [{"epoch": 1, "step": 10 * k, "validation": {"cd": error}} for k, error in enumerate(errors, 1)]
     (folder / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
@@ -93,7 +96,7 @@ def test_the_last_quarter_is_the_change_of_the_validation_error(runs):
 def of_table4(runs, row, touches, factor, seeds=(0, 1)):
     for seed in seeds:
         name = f"table4-{row}-touches.{touches}-seed.{seed}"
-        put(runs / f"{name}-0000000{seed}", name, seed=seed, factor=factor, touches=touches, row=row)
+        put_row(runs, name, seed=seed, factor=factor, touches=touches, row=row)
 
 
 def test_table_4_has_a_column_for_each_number_of_touches(runs):
@@ -124,16 +127,14 @@ def test_differences_are_of_the_control(runs):
 
 
 def test_grafts_are_compared_with_the_same_network_alone(runs):
-    for number, (name, fusion, factor) in enumerate(
-        (
-            ("mpu", "none", 1.0),
-            ("mpu-touch", "iterative", 1.2),
-            ("pu-gcn-touch", "iterative", 0.1),
-            ("pu-transformer", "none", 1.0),
-            ("tapsr", "iterative", 2.0),
-        )
+    for name, fusion, factor in (
+        ("mpu", "none", 1.0),
+        ("mpu-touch", "iterative", 1.2),
+        ("pu-gcn-touch", "iterative", 0.1),
+        ("pu-transformer", "none", 1.0),
+        ("tapsr", "iterative", 2.0),
     ):
-        put(runs / f"table2-{name}-0000000{number}", f"table2-{name}", fusion=fusion, factor=factor)
+        put_row(runs, f"table2-{name}", fusion=fusion, factor=factor)
     columns, lines = tables.table2(tables.finished(runs, "table2"))
     cells = [line[columns.index("cd against the network alone")].partition(" ")[0] for line in lines]
     assert cells == ["", "+20.0", "", "", "+100.0", ""]
@@ -142,7 +143,7 @@ def test_grafts_are_compared_with_the_same_network_alone(runs):
 def test_table_5_has_the_time_of_an_epoch_and_of_a_cloud(runs):
     for count in range(2):
         name = f"table5-tapsr-touches.{count}"
-        folder = put(runs / f"{name}-00000001", name, touches=count)
+        folder = put_row(runs, name, touches=count)
         published(folder, **{"s/epoch": 76.68, "s/cloud": 0.0158})
         found = json.loads((folder / "results.json").read_text())
         change(folder, data=found["data"] | {"touches": count})
@@ -152,8 +153,14 @@ def test_table_5_has_the_time_of_an_epoch_and_of_a_cloud(runs):
 
 
 def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
-    put(runs / "table3-tapsr-rate.16-00000001", "table3-tapsr-rate.16")
+    put_row(runs, "table3-tapsr-rate.16")
     done = CliRunner().invoke(tables.main, [str(runs)])
     assert done.exit_code == 0, done.output
     assert "table-3" in done.output
     assert "table-2: left out, as its runs" in done.output
+
+
+def test_without_finished_runs_the_command_says_what_makes_some(tmp_path):
+    done = CliRunner().invoke(tables.main, [str(tmp_path)])
+    assert done.exit_code == 1
+    assert "holds no finished run of Tables 2 to 5: `pcsr run table2 --runs" in done.output
