@@ -9,14 +9,18 @@ are those of the recipes, in brackets.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import fmean
 
 import click
+from inserted_touches import inserted
 from rich.console import Console
 from saved import save, show
 from study_runs import folders, row_of
 
 from pcsr.errors import PcsrError, UserError
 from pcsr.metrics.touch_effect import EFFICIENCY, EXCHANGED
+from pcsr.plugins.loading import load_plugins
+from pcsr.plugins.registry import Registry
 from pcsr.report.tables.comparison import Comparison, comparison
 from pcsr.report.tables.rows import Row
 from pcsr.report.tables.scores import efficiency_cell
@@ -34,6 +38,8 @@ TOUCH = {"none": "–", "iterative": "the paper's fusion", "edge-conv": "points 
 """What a network makes of touches, by the name of its fusion."""
 ALONE = dict.fromkeys(("tapsr", "tapsr-edge-conv"), "pu-transformer")
 """Rows of Table 2 that are compared with a network of another name."""
+INSERTED = "-inserted"
+"""End of the names of networks whose result gets the touched points afterwards."""
 CONTROL = "control-touches.0"
 """Row of Table 4 with both blocks, trained without touch."""
 ROWS4 = {
@@ -91,34 +97,49 @@ def last_quarter(run: FinishedRun) -> str:
     return f"{100 * (new / old - 1):+.1f} %"
 
 
+def with_inserted(found: Found, registry: Registry) -> Found:
+    """Add, behind each network of Table 2 alone, the same with the touched points inserted into its result."""
+    more: Found = {}
+    for name, runs in found.items():
+        more[name] = runs
+        touched = found.get(f"{name}-touch-edge-conv")
+        if touched is not None:
+            more[f"{name}{INSERTED}"] = [inserted(runs[0], touched[0], registry)]
+    return more
+
+
 def table2(found: Found) -> Table:
     """A row for each network and kind of touch, then the baselines; ± over objects."""
+    found = with_inserted(found, load_plugins())
     made, rows = compared(found, "table2")
-    alone = {name: ALONE.get(name, name.partition("-touch")[0]) for name in found}
+    alone = {name: ALONE.get(name, name.removesuffix(INSERTED).partition("-touch")[0]) for name in found}
     differences = {}
     for first in dict.fromkeys(alone.values()):
         differences |= against(found, "table2", first, [name for name in found if alone[name] == first])
-    columns = ["network", "touch", "weights", *made.metrics, "cd against the network alone", EFFICIENCY, EXCHANGED]
-    columns += ["steps", "last quarter", "min"]
+    columns = ["network", "touch", "weights", *made.metrics, "cd against the network alone", "cd without touch"]
+    columns += ["with another object's", EFFICIENCY, "steps", "last quarter", "min"]
     lines = []
     for name, runs in found.items():
-        training = runs[0].results.training
+        training, touch = runs[0].results.training, runs[0].results.touch
+        of_touch = (None, None) if touch is None else (touch.plain, touch.exchanged)
         lines.append(
             [
-                name.partition("-touch")[0].removesuffix("-edge-conv"),
-                TOUCH[runs[0].results.recipe["model"]["fusion"]["use"]],
+                name.removesuffix(INSERTED).partition("-touch")[0].removesuffix("-edge-conv"),
+                "inserted afterwards"
+                if name.endswith(INSERTED)
+                else TOUCH[runs[0].results.recipe["model"]["fusion"]["use"]],
                 f"{rows[name].parameters / 1e3:,.0f} K",
                 *(cell(rows[name], metric) for metric in made.metrics),
                 differences.get(name, ""),
+                *("" if each is None else f"{1e3 * fmean(each):.3f}" for each in of_touch),
                 efficiency_cell(rows[name].efficiencies or ()),
-                efficiency_cell(rows[name].exchanged),
                 "" if training.steps is None else f"{training.steps:,}",
                 last_quarter(runs[0]),
                 "" if training.seconds is None else f"{training.seconds / 60:.0f}",
             ]
         )
     baselines = {name: row for name, row in rows.items() if name not in found}
-    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 6] for name, row in baselines.items()]
+    lines += [[name, *[""] * 2, *(cell(row, m) for m in made.metrics), *[""] * 7] for name, row in baselines.items()]
     return columns, lines
 
 

@@ -41,8 +41,9 @@ REMOVED: dict[tuple[str, str], dict[str, Any]] = {
 }
 """Options that parts had in 0.1, with the value that they had by default and now always have."""
 ADDED: dict[tuple[str, str], dict[Keys, Any]] = {
-    ("encoder", "unet"): {("norm",): "none"},
-    ("fusion", "iterative"): {("pairing",): "hilbert", ("offsets",): False},
+    ("encoder", "unet"): {("norm",): "none", ("negative_slope",): 0.0},
+    ("fusion", "iterative"): {("pairing",): "hilbert", ("offsets",): False, ("negative_slope",): 0.0},
+    ("backbone", "pu-transformer"): {("negative_slope",): 0.0},
     ("fusion", "edge-conv"): {("keeps_touched_points",): True},
     ("touch", "digit"): {("noise", "shared_position_noise"): 0.0, ("noise", "shared_rotation_noise"): 0.0},
 }

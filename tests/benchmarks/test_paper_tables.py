@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from pcsr.run_files import FinishedRun
 from tests.small_run import put, unfinish
 
 ROOT = Path(__file__).parents[2]
@@ -47,7 +48,15 @@ def runs(tmp_path):
     return tmp_path / "runs"
 
 
-def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
+def of_other_fusion(alone, touched, registry):
+    """Stands in for the measurement of a network alone with the touched points inserted."""
+    model = {"model": {"fusion": {"use": "joint-cloud"}}}
+    changed = {"name": "inserted", "recipe": alone.results.recipe | model, "touch": touched.results.touch}
+    return FinishedRun(alone.folder, alone.results.model_copy(update=changed), [], alone.history)
+
+
+def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs, monkeypatch):
+    monkeypatch.setattr(tables, "inserted", of_other_fusion)
     tapsr = put_row(runs, "table2-tapsr", fusion="iterative")
     put_row(runs, "table2-pu-gcn-touch-edge-conv", fusion="edge-conv")
     fused = put_row(runs, "table2-pu-gcn-touch", fusion="iterative")
@@ -59,16 +68,18 @@ def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs):
     columns, lines = tables.table2(tables.finished(runs, "table2"))
     assert [line[:2] for line in lines] == [
         ["pu-gcn", "–"],
+        ["pu-gcn", "inserted afterwards"],
         ["pu-gcn", "the paper's fusion"],
         ["pu-gcn", "points kept"],
         ["tapsr", "the paper's fusion"],
         ["midpoint", ""],
     ]
     shares = [line[columns.index("touch efficiency")] for line in lines]
-    assert shares == ["–", "0.250", "–", "–", ""]
-    assert lines[1][columns.index("another object's")] == "0.125"
+    assert shares == ["–", "–", "0.250", "–", "–", ""]
+    assert [line[columns.index("cd without touch")] for line in lines] == ["", "", "1000.000", "", "", ""]
+    assert lines[2][columns.index("with another object's")] == "950.000"
     assert {len(line) for line in lines} == {len(columns)}
-    assert lines[3][columns.index("cd")].endswith("(0.671)")
+    assert lines[4][columns.index("cd")].endswith("(0.671)")
     values = json.loads((alone / "results.json").read_text())["methods"][0]["values"]["cd"]
     assert lines[0][columns.index("cd")].startswith(f"{1e3 * sum(values) / 8:.3f} ± ")
 

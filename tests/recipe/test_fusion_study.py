@@ -28,6 +28,8 @@ DIFFERENCES = {
     "surface": {"data.touch"},
     "surface-nearest-offsets": {"data.touch", "model.fusion"},
     "surface-edge-conv": {"data.touch", "model.fusion"},
+    "surface-edge-conv-single": {"data.touch", "model.fusion"},
+    "surface-leaky": {"data.touch", "model.encoder", "model.touch_encoder", "model.backbone", "model.fusion"},
     "four-touches": {"train.touches"},
     "no-touches": {"train.touches"},
     "upright": {"train.augment"},

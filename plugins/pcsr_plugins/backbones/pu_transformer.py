@@ -20,6 +20,7 @@ from torch.nn import functional as F
 from pcsr import Backbone, Trait, UserError, Widths
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.tensors import Features, Neighbours, Points
+from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.options import HalvedCascade, NeighbourCount
 
 Refined = Float[torch.Tensor, "b n refined"]
@@ -37,7 +38,21 @@ class PUTransformer(Backbone):
         channels: HalvedCascade = (32, 64, 128, 256, 256),
         neighbours: NeighbourCount = 20,
         windows: Annotated[int, Field(ge=1, le=64)] = 4,
+        negative_slope: NegativeSlope = 0.0,
     ) -> None:
+        """Create the encoders.
+
+        Args:
+            widths: of the features, from the host.
+            channels: of each encoder's result.
+            neighbours: of each point in the positional fusion, itself among them.
+            windows: of channels in the attention, without those between two of them.
+            negative_slope: of the ReLUs. Their channels can be 0 at every point, since the positional fusion has no
+                norm; with a slope above 0 they cannot.
+
+        Raises:
+            UserError: a layer has too few channels for the windows.
+        """
         super().__init__()
         if min(channels) < 2 * windows:
             raise UserError(
@@ -48,7 +63,8 @@ class PUTransformer(Backbone):
         self.neighbours = neighbours
         wide = (widths.visual, *channels)
         self.encoders = nn.ModuleList(
-            TransformerEncoder(c_in, c_out, windows) for c_in, c_out in zip(wide, channels, strict=False)
+            TransformerEncoder(c_in, c_out, windows, negative_slope)
+            for c_in, c_out in zip(wide, channels, strict=False)
         )
 
     def forward(self, points: Points, features: Features) -> Refined:
@@ -62,13 +78,13 @@ class PUTransformer(Backbone):
 class TransformerEncoder(nn.Module):
     """One encoder of the cascade."""
 
-    def __init__(self, c_in: int, c_out: int, windows: int) -> None:
+    def __init__(self, c_in: int, c_out: int, windows: int, negative_slope: float) -> None:
         super().__init__()
-        self.position = PositionalFusion(c_in, c_out)
+        self.position = PositionalFusion(c_in, c_out, negative_slope)
         self.norm_attention = nn.LayerNorm(c_out)
         self.attention = ShiftedChannelAttention(c_out, windows)
         self.norm_mlp = nn.LayerNorm(c_out)
-        self.mlp = nn.Sequential(nn.Linear(c_out, c_out), nn.ReLU())
+        self.mlp = nn.Sequential(nn.Linear(c_out, c_out), rectifier(negative_slope))
 
     def forward(self, points: Points, features: Features, index: Neighbours) -> Refined:
         """The three lines of the module's docstring."""
@@ -81,10 +97,10 @@ class TransformerEncoder(nn.Module):
 class PositionalFusion(nn.Module):
     """Coordinates and features of each point's neighbourhood, half the channels each, maximum over neighbours."""
 
-    def __init__(self, c_in: int, c_out: int) -> None:
+    def __init__(self, c_in: int, c_out: int, negative_slope: float) -> None:
         super().__init__()
-        self.geometry = EdgeMax(3, c_out // 2)
-        self.features = EdgeMax(c_in, c_out - c_out // 2)
+        self.geometry = EdgeMax(3, c_out // 2, negative_slope)
+        self.features = EdgeMax(c_in, c_out - c_out // 2, negative_slope)
 
     def forward(self, points: Points, features: Features, index: Neighbours) -> Refined:
         """Concatenate both halves."""
@@ -94,18 +110,20 @@ class PositionalFusion(nn.Module):
 class EdgeMax(nn.Module):
     """max over j of ReLU(W·[xᵢ, xⱼ − xᵢ] + b), a one-layer edge MLP and the maximum over neighbours.
 
-    W splits into U for xᵢ and V for the difference. ReLU grows and only V·xⱼ depends on j, so the maximum moves
-    inside: ReLU((U − V)·xᵢ + b + max over j of V·xⱼ). The edge tensor (b n k 2c) is never stored.
+    W splits into U for xᵢ and V for the difference. ReLU grows, leaky or not, and only V·xⱼ depends on j, so the
+    maximum moves inside: ReLU((U − V)·xᵢ + b + max over j of V·xⱼ). The edge tensor (b n k 2c) is never stored.
     """
 
-    def __init__(self, c_in: int, c_out: int) -> None:
+    def __init__(self, c_in: int, c_out: int, negative_slope: float = 0.0) -> None:
         super().__init__()
         self.edge = nn.Linear(2 * c_in, c_out)
+        self.rectified = rectifier(negative_slope)
 
     def forward(self, x: Features, index: Neighbours) -> Refined:
         """Features of the edges' maximum."""
         u, v = self.edge.weight.chunk(2, dim=1)
-        return F.relu(F.linear(x, u - v, self.edge.bias) + neighbour_max(F.linear(x, v), index))
+        refined: Refined = self.rectified(F.linear(x, u - v, self.edge.bias) + neighbour_max(F.linear(x, v), index))
+        return refined
 
 
 class ShiftedChannelAttention(nn.Module):

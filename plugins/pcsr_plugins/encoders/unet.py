@@ -9,6 +9,7 @@ curve, so that a window of the axis is a neighbourhood (PAPER.md, "The order of 
 literal reading.
 """
 
+from functools import partial
 from typing import Literal
 
 import torch
@@ -18,6 +19,7 @@ from torch.nn import functional as F
 from pcsr import Encoder, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
+from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.options import HalvedChannels
 
 
@@ -33,6 +35,7 @@ class UNet(Encoder):
         channels: HalvedChannels = 128,
         order: Literal["hilbert", "file"] = "hilbert",
         norm: Literal["none", "layer"] = "none",
+        negative_slope: NegativeSlope = 0.0,
     ) -> None:
         """Create the block.
 
@@ -41,16 +44,18 @@ class UNet(Encoder):
             channels: of the result, and of the first stage.
             order: of the points along the axis: along their Hilbert curve, or as they are given.
             norm: of each layer but the last, before its ReLU: none, or a layer norm over the channels of each point.
+            negative_slope: of the ReLUs. The paper's are 0.
         """
         super().__init__()
         self.channels = c = channels
         self.order = order
         if order == "file":
             self.traits = frozenset()
-        self.enter = nn.Sequential(_conv(3, c // 2, norm), _conv(c // 2, c, norm))
-        self.down = nn.ModuleList([_conv(c, c, norm), _conv(c, 2 * c, norm)])
-        self.up = nn.ModuleList([_deconv(2 * c, c, norm), _deconv(c, c, norm)])
-        self.merge = nn.ModuleList([_conv(2 * c, c, norm), nn.Conv1d(2 * c, c, 1)])
+        conv, deconv = (partial(make, norm=norm, slope=negative_slope) for make in (_conv, _deconv))
+        self.enter = nn.Sequential(conv(3, c // 2), conv(c // 2, c))
+        self.down = nn.ModuleList([conv(c, c), conv(c, 2 * c)])
+        self.up = nn.ModuleList([deconv(2 * c, c), deconv(c, c)])
+        self.merge = nn.ModuleList([conv(2 * c, c), nn.Conv1d(2 * c, c, 1)])
 
     def forward(self, points: Points) -> Features:
         """Encode the points at three scales of the curve."""
@@ -72,17 +77,17 @@ class UNet(Encoder):
         return features
 
 
-def _conv(c_in: int, c_out: int, norm: str) -> nn.Module:
+def _conv(c_in: int, c_out: int, norm: str, slope: float) -> nn.Module:
     # Width 3, as in the U-Net that the paper takes its block from (Ronneberger et al., 2015).
-    return _layer(nn.Conv1d(c_in, c_out, 3, padding=1, padding_mode="replicate"), c_out, norm)
+    return _layer(nn.Conv1d(c_in, c_out, 3, padding=1, padding_mode="replicate"), c_out, norm, slope)
 
 
-def _deconv(c_in: int, c_out: int, norm: str) -> nn.Module:
-    return _layer(nn.ConvTranspose1d(c_in, c_out, 2, stride=2), c_out, norm)
+def _deconv(c_in: int, c_out: int, norm: str, slope: float) -> nn.Module:
+    return _layer(nn.ConvTranspose1d(c_in, c_out, 2, stride=2), c_out, norm, slope)
 
 
-def _layer(linear: nn.Module, channels: int, norm: str) -> nn.Module:
-    return nn.Sequential(linear, *([ChannelNorm(channels)] if norm == "layer" else []), nn.ReLU())
+def _layer(linear: nn.Module, channels: int, norm: str, slope: float) -> nn.Module:
+    return nn.Sequential(linear, *([ChannelNorm(channels)] if norm == "layer" else []), rectifier(slope))
 
 
 class ChannelNorm(nn.LayerNorm):

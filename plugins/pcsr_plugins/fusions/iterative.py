@@ -24,6 +24,7 @@ from torch.nn import functional as F
 from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points, TouchFeatures
+from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.pairing import hilbert_pairs, nearest_pairs, taken
 
 
@@ -39,6 +40,7 @@ class Iterative(Fusion):
         pool: Literal["none", "global"] = "none",
         pairing: Literal["hilbert", "nearest"] = "hilbert",
         offsets: bool = False,
+        negative_slope: NegativeSlope = 0.0,
     ) -> None:
         """Create the block.
 
@@ -48,11 +50,13 @@ class Iterative(Fusion):
             pairing: which point of a touch a visual point is concatenated with: along the Hilbert curves of both
                 clouds, or the nearest in space.
             offsets: whether the vector from the visual point to the touched one is concatenated too.
+            negative_slope: of the MLP's ReLU. The paper's is 0.
         """
         super().__init__()
         self.pool, self.pairing, self.offsets = pool, pairing, offsets
         self.touch_channels = widths.touch + 3 * offsets
-        self.mlp = nn.Sequential(nn.Linear(self.touch_channels + widths.visual, widths.visual), nn.ReLU())
+        linear = nn.Linear(self.touch_channels + widths.visual, widths.visual)
+        self.mlp = nn.Sequential(linear, rectifier(negative_slope))
         # A deconvolution that keeps the number of points: width 3 along the curve, stride 1.
         self.deconv = nn.ConvTranspose1d(2 * widths.visual, widths.visual, 3, padding=1)
 
@@ -62,7 +66,7 @@ class Iterative(Fusion):
         Both layers are linear in what is concatenated, so each is applied to the two parts: what the MLP makes of
         the touches, and the deconvolution of fp, is the same in every round or needs no round before it.
         """
-        linear, deconv = self.mlp[0], self.deconv
+        (linear, rectified), deconv = self.mlp, self.deconv
         assert isinstance(linear, nn.Linear)
         of_touch, of_fused = torch.split(linear.weight, [self.touch_channels, features.shape[-1]], dim=1)
         of_mixed, of_visual = deconv.weight.chunk(2)
@@ -72,7 +76,7 @@ class Iterative(Fusion):
         visual = F.conv_transpose1d(fp.transpose(1, 2), of_visual, deconv.bias, padding=1)  # (b c n)
         f = fp
         for i in range(touches.mask.shape[1]):
-            fm = F.relu(messages[:, i] + F.linear(f, of_fused))  # (b n c)
+            fm = rectified(messages[:, i] + F.linear(f, of_fused))  # (b n c)
             if self.pool == "global":
                 fm = fm.amax(1, keepdim=True).expand_as(fm)
             fused = visual + F.conv_transpose1d(fm.transpose(1, 2), of_mixed, padding=1)

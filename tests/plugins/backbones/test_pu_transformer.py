@@ -14,11 +14,12 @@ from pcsr_plugins.upsamplers.shuffle import Shuffle
 from tests.plugins.compare import TIED, check_single_precision, close, like, same_gradients
 
 
-def test_edge_max_is_the_edge_mlp_and_the_maximum_forward_and_backward():
-    layer, x, points = EdgeMax(6, 5), torch.randn(2, 15, 6, requires_grad=True), torch.randn(2, 15, 3)
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_edge_max_is_the_edge_mlp_and_the_maximum_forward_and_backward(slope):
+    layer, x, points = EdgeMax(6, 5, slope), torch.randn(2, 15, 6, requires_grad=True), torch.randn(2, 15, 3)
     near = knn(points, points, 4)
     centre = x.unsqueeze(2).expand(-1, -1, 4, -1)
-    plain = F.relu(layer.edge(torch.cat([centre, gather(x, near) - centre], dim=-1))).amax(2)
+    plain = F.leaky_relu(layer.edge(torch.cat([centre, gather(x, near) - centre], dim=-1)), slope).amax(2)
     fast = layer(x, near)
     close(fast, plain)
     same_gradients(fast, plain, (x, *layer.parameters()), atol=1e-4, rtol=0)

@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from torch import nn
 from torch.nn import functional as F
 
 from pcsr import Trait, Widths
@@ -94,6 +95,14 @@ def test_a_layer_norm_gives_each_point_features_of_one_scale_before_each_relu():
         assert x.var(1, unbiased=False).max() <= 1 + 1e-5
     assert seen[0].var(1, unbiased=False).min() > 0.99
     assert features.shape == (2, 12, 8)
+
+
+def test_every_relu_has_the_slope():
+    for slope, kind in ((0.0, nn.ReLU), (0.2, nn.LeakyReLU)):
+        unet = UNet(Widths(), channels=8, negative_slope=slope)
+        found = [layer[-1] for layer in (*unet.enter, *unet.down, *unet.up, unet.merge[0])]
+        assert all(type(layer) is kind for layer in found)
+        assert all(getattr(layer, "negative_slope", 0.0) == slope for layer in found)
 
 
 def test_without_a_norm_features_hardly_vary_from_point_to_point():

@@ -3,7 +3,6 @@
 import pytest
 import torch
 from torch import nn
-from torch.nn import functional as F
 
 from pcsr import TouchBatch
 from pcsr.geometry.ordering import hilbert_order
@@ -23,7 +22,7 @@ def algorithm_1(fusion: Iterative, points: torch.Tensor, fp: torch.Tensor, touch
     n, linear, weight = len(points), fusion.mlp[0], fusion.deconv.weight  # weight: (in out 3)
     f = fp
     for ft in touches:
-        fm = torch.stack([F.relu(linear.weight @ torch.cat([ft[i], f[i]]) + linear.bias) for i in range(n)])
+        fm = torch.stack([fusion.mlp[1](linear.weight @ torch.cat([ft[i], f[i]]) + linear.bias) for i in range(n)])
         if fusion.pool == "global":
             fm = torch.stack([fm.max(0).values] * n)
         x = torch.cat([fm, fp], dim=1)
@@ -56,6 +55,7 @@ def paired(fusion: Iterative, points: torch.Tensor, touches: TouchBatch, b: int,
         {},
         {"pool": "global"},
         {"pairing": "nearest"},
+        {"negative_slope": 0.2},
         {"offsets": True},
         {"pairing": "nearest", "offsets": True, "pool": "global"},
     ],
