@@ -4,8 +4,7 @@ pcsr data make tapsr -o data/ --set seed=0
 python benchmarks/exchanged_features.py data/ tapsr pu-transformer runs/NAME-HASH [--save]
 
 The networks get the test clouds, or patches of them, without touch and in the training's frame. Within each batch the
-encoder's features are moved on by one cloud; coordinates stay. A fusion that adds touches to these features can change
-the result as far as they do, and no further.
+encoder's features are moved on by one cloud; coordinates stay.
 """
 
 from collections.abc import Sequence
