@@ -71,7 +71,8 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
         os.chmod(part, MODE)  # some libraries create files that only their owner can read
         os.replace(part, path)
     except OSError as error:
-        raise RunError(f"{path} could not be written: {error.strerror or error}; the old file is unharmed") from error
+        kept = "; the old file is unharmed" if os.path.lexists(path) else ""
+        raise RunError(f"{path} could not be written: {error.strerror or error}{kept}") from error
     finally:
         with suppress(OSError):  # the temporary file may be missing where writing failed
             part.unlink(missing_ok=True)

@@ -154,7 +154,11 @@ def next_(
             click.echo(f"{out} is not written: there is no pose")
             continue
         write_next(out, found, frame)
-        click.echo(f"{out}: {len(found)} poses")
+        click.echo(f"{out}: {_poses(found)}")
+
+
+def _poses(found: "NextTouches") -> str:
+    return "1 pose" if len(found) == 1 else f"{len(found)} poses"
 
 
 def _show(found: "NextTouches", *, given: bool) -> None:
@@ -176,4 +180,4 @@ def _show(found: "NextTouches", *, given: bool) -> None:
             f"it shows all sides, give --all-around; if you know where the camera was, --camera."
         )
     if found.reason:
-        click.echo(f"{len(found)} poses: {found.reason}")
+        click.echo(f"{_poses(found)}: {found.reason}")

@@ -128,8 +128,14 @@ def _labels(names: Sequence[str]) -> list[str]:
 
 
 def _common_prefix(labels: Sequence[str]) -> str:
-    """Common beginning of all labels, up to a hyphen that is not within a value, such as `fusion.cross-attention`."""
-    if len(labels) < 2:
+    """Common beginning of all labels, up to a hyphen that is not within a value, such as `fusion.cross-attention`.
+
+    Nothing if a label without values is the beginning of all, such as `pu-gcn` of `pu-gcn-touch`: it may be a name with
+    hyphens.
+    """
+    shortest = min(labels, key=len)
+    named = "." not in shortest and all(label == shortest or label.startswith(f"{shortest}-") for label in labels)
+    if named or len(labels) < 2:
         return ""
     parts = zip(*(label.split("-")[:-1] for label in labels), strict=False)
     equal = [first for first, *_ in takewhile(lambda of_all: len(set(of_all)) == 1, parts)]

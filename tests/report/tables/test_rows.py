@@ -44,6 +44,12 @@ def test_labels_leave_out_what_all_begin_with(run):
     assert [row.label for row in rows] == ["fusion.a", "fusion.b"]
 
 
+def test_labels_keep_a_name_that_is_the_beginning_of_all(run):
+    names = ("table2-pu-gcn", "table2-pu-gcn-touch", "table2-pu-gcn-touch-edge-conv")
+    rows = variants([run(name, model=name) for name in names], "comparison")
+    assert [row.label for row in rows] == list(names)
+
+
 def test_rows_of_the_same_clouds_are_comparable(run, results):
     one, other = variants([run("s-a", model=1, factor=0.5), run("s-b", model=2)], "s")
     assert one.comparable(other)
