@@ -98,7 +98,8 @@ class Results(BaseModel):
     is not set is not written.
     """
 
-    name: str
+    name: Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]
+    """Name of the recipe; printable, since tables show it."""
     fingerprint: str
     seed: int
     version: str

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Annotated
 
 import torch
 from jaxtyping import Bool, Float, Int
-from pydantic import BaseModel, FiniteFloat, model_validator
+from pydantic import BaseModel, Field, FiniteFloat, model_validator
 from torch import Tensor
 
 from pcsr.metrics.chamfer import chamfer
@@ -22,6 +23,8 @@ EXCHANGED = "another object's"
 EXCHANGED_DEFINITION = (
     "the same with the touches of another object, which tell nothing of this one: what they take off is no use of touch"
 )
+Distance = Annotated[FiniteFloat, Field(ge=0, lt=1e100)]
+"""A squared distance of which sums are finite."""
 
 
 class TouchEffect(BaseModel):
@@ -31,13 +34,13 @@ class TouchEffect(BaseModel):
     of `EDGES`, and None where a bin has no points.
     """
 
-    touched: list[FiniteFloat]
+    touched: list[Distance]
     """Chamfer distance with touches."""
-    plain: list[FiniteFloat]
+    plain: list[Distance]
     """Chamfer distance without touches."""
-    replaced: list[FiniteFloat]
+    replaced: list[Distance]
     """Chamfer distance without touches, after the touched region was replaced by the truth (`replace_region`)."""
-    exchanged: list[FiniteFloat] | None = None
+    exchanged: list[Distance] | None = None
     """Chamfer distance with the touches of another object, which shows whether it matters what was touched. None where
     touched points are part of the cloud or of the result, in which those of another object would lie wrong; of a single
     object; and in results of pcsr 0.2 and older."""

@@ -18,6 +18,8 @@ def change(results, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "named"),
     [
+        (["name"], "", "name: "),
+        (["name"], "\x1b[31mred", "name: "),
         (["groups"], ["gear"], "6 objects but 1 groups"),
         (["methods", 1, "values", "hd"], [0.1], "'midpoint' has 1 values of hd for 6 objects"),
         (["methods", 0, "values", "cd"], [float("nan")] * 6, "methods.0.values.cd.0"),
@@ -59,6 +61,8 @@ def test_results_that_are_no_json_object_are_named(tmp_path, text):
         (["counts"], [1, 2], "touch: 'counts' has 2 values for 3 distances"),
         (["errors", "tapsr"], [0.1], "touch: 'tapsr' has 1 values for 3 distances"),
         (["replaced"], [float("nan")] * 6, "touch.replaced.0"),
+        (["exchanged"], [1e308] * 6, "touch.exchanged.0: it must be less than 1e+100"),
+        (["plain"], [-1.0] * 6, "touch.plain.0: it must be 0 or more"),
         (["exchanged"], [0.1] * 5, "touch.exchanged has 5 values for 6 objects"),
     ],
 )
