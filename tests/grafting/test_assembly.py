@@ -64,6 +64,7 @@ def test_installed_plugins_are_found_without_a_registry():
         "pool": "none",
         "pairing": "hilbert",
         "offsets": False,
+        "negative_slope": 0.0,
     }
 
 
