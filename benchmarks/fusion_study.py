@@ -8,6 +8,7 @@ another object. The numbers are kept in the run's folder (`snapshots.json`), so 
 new. Rows that are still in training are shown as far as they are.
 """
 
+import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -39,6 +40,7 @@ from pcsr.report.tables.scores import efficiency_cell
 from pcsr.run_files import snapshot_file
 from pcsr.tensors import CloudArray
 from pcsr.upsample import upsample_as
+from pcsr.validation_messages import explained
 from pcsr.weights.file import read_card
 
 STUDY = "fusions/study"
@@ -138,9 +140,10 @@ def _known(path: Path) -> dict[str, Measured]:
     if not path.exists():
         return {}
     try:
-        return FILE.validate_json(path.read_bytes())
-    except ValidationError as error:
-        what = f"{'.'.join(map(str, error.errors()[0]['loc']))}: {error.errors()[0]['msg']}".removeprefix(": ")
+        return FILE.validate_python(json.loads(path.read_bytes()))
+    except ValueError as error:
+        first = error.errors()[:1] if isinstance(error, ValidationError) else []
+        what = ": ".join([*map(str, first[0]["loc"]), explained(first)]) if first else f"it is no JSON ({error})"
         raise UserError(f"{path}: {what}; remove the file, and the snapshots are measured again") from error
 
 

@@ -1,6 +1,5 @@
 """The run folders of a study."""
 
-import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -9,8 +8,7 @@ from rich.console import Console
 
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
-
-SEED = re.compile(r"-seed\.\d+$")
+from pcsr.report.tables.rows import SEED
 
 
 @cache

@@ -137,9 +137,9 @@ def test_a_snapshot_is_measured_once_unless_it_changes(run, tmp_path, network):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "Invalid JSON"),
-        ("[]", "should be an object"),
-        ('{"weights-2.safetensors": {"cd": {}}}', "sha256: Field required"),
+        ("", "it is no JSON"),
+        ("[]", "it must be a mapping"),
+        ('{"weights-2.safetensors": {"cd": {}}}', "sha256: field required"),
         ('{"weights-2.safetensors": {"sha256": "0", "cd": {"own": [1.0]}}}', "must have without, own, other"),
         ('{"weights-2.safetensors": {"sha256": "0", "cd": {"own": [NaN]}}}', "finite number"),
     ],

@@ -30,7 +30,8 @@ def test_parts_are_taken_by_name_by_options_and_as_they_are(world):
 def test_the_default_touch_encoder_is_a_unet_of_a_quarter_of_the_width(width, channels):
     network = nn.Sequential(nn.Linear(3, width), nn.Linear(width, 3))
     spec = graft(network, "0", registry=PLUGINS).specs["touch_encoder"]
-    assert spec.items() >= {"use": "unet", "channels": channels, "order": "hilbert"}.items()
+    plain = {"norm": "none", "negative_slope": 0.0}
+    assert spec == {"use": "unet", "channels": channels, "order": "hilbert", **plain}
 
 
 class JoinsToo(Bias):

@@ -45,9 +45,8 @@ def test_a_graft_has_defaults_and_the_name_of_its_file_alone(write):
     assert isinstance(recipe.model, GraftedModel)
     plain = recipe.resolved()["model"]["graft"]
     assert plain["network"] == "cascade.py:Cascade"
-    assert (
-        plain["fusion"].items() >= {"use": "iterative", "pool": "none", "pairing": "hilbert", "offsets": False}.items()
-    )
+    options = {"pool": "none", "pairing": "hilbert", "offsets": False, "negative_slope": 0.0}
+    assert plain["fusion"] == {"use": "iterative", **options}
     assert plain["touch_encoder"]["channels"] == 32
     assert not recipe.model.graft.is_frozen
     assert len(recipe.code["model.graft.network"]) == 12

@@ -20,8 +20,8 @@ from torch.nn import functional as F
 from pcsr import Backbone, Trait, UserError, Widths
 from pcsr.geometry.neighbours import knn, neighbour_max
 from pcsr.tensors import Features, Neighbours, Points
-from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.options import HalvedCascade, NeighbourCount
+from pcsr_plugins.layers.rectifier import NegativeSlope, rectifier
 
 Refined = Float[torch.Tensor, "b n refined"]
 

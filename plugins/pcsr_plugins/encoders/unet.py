@@ -19,8 +19,8 @@ from torch.nn import functional as F
 from pcsr import Encoder, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points
-from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.options import HalvedChannels
+from pcsr_plugins.layers.rectifier import NegativeSlope, rectifier
 
 
 class UNet(Encoder):

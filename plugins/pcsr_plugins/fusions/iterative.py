@@ -24,8 +24,8 @@ from torch.nn import functional as F
 from pcsr import Fusion, TouchBatch, Trait, Widths
 from pcsr.geometry.ordering import along, back, hilbert_order
 from pcsr.tensors import Features, Points, TouchFeatures
-from pcsr_plugins.layers.leaky import NegativeSlope, rectifier
 from pcsr_plugins.layers.pairing import hilbert_pairs, nearest_pairs, taken
+from pcsr_plugins.layers.rectifier import NegativeSlope, rectifier
 
 
 class Iterative(Fusion):

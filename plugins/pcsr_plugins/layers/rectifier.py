@@ -1,4 +1,4 @@
-"""Rectifiers of which no channel can be dead: 0, and without a gradient, at every point."""
+"""Rectifiers: ReLU, or a leaky one, of which no channel is 0, and without a gradient, at every point."""
 
 from typing import Annotated
 

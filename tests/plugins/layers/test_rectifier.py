@@ -1,9 +1,9 @@
-"""Rectifiers: ReLU, or one of which no channel is dead."""
+"""Rectifiers: ReLU, or a leaky one."""
 
 import torch
 from torch.nn import functional as F
 
-from pcsr_plugins.layers.leaky import rectifier
+from pcsr_plugins.layers.rectifier import rectifier
 
 
 def test_a_slope_of_zero_is_relu_bit_for_bit():
