@@ -5,7 +5,8 @@ python benchmarks/fusion_study.py RUNS [-o docs/pictures] [--save]
 
 Each snapshot (`train.snapshots`) is measured on all test objects: without touch, with touches, and with those of
 another object. The numbers are kept in the run's folder (`snapshots.json`), so that the command measures only what is
-new. Rows that are still in training are shown as far as they are.
+new. Rows that are still in training are shown as far as they are. `--save` copies the numbers to benchmarks/results,
+and makes tables and picture of all that are there.
 """
 
 import json
@@ -22,7 +23,7 @@ from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter, ValidationError
 from rich.console import Console
 from rich.progress import track
 from saved import save, show
-from study_runs import folders, row_of
+from study_runs import KEPT, folders, keep, row_of
 
 from pcsr.data.dataset import Split
 from pcsr.data.sample import covered_points
@@ -97,9 +98,14 @@ def measure(network: Network, recipe: Recipe, split: Split) -> Numbers:
         region = torch.from_numpy(covered_points(truth.numpy(), touches[i]).any(0))
         clouds["replaced"] = replace_region(clouds["without"], truth, region)
         for name, cloud in clouds.items():
-            numbers[name].append(float(chamfer(cloud[None], truth[None])[0]))
-        numbers["moved"].append(float(chamfer(clouds["own"][None], clouds["without"][None])[0]))
+            numbers[name].append(_error(cloud, truth))
+        numbers["moved"].append(_error(clouds["own"], clouds["without"]))
     return numbers
+
+
+def _error(cloud: torch.Tensor, truth: torch.Tensor) -> float:
+    """Chamfer distance, to the digits that a file needs."""
+    return float(f"{float(chamfer(cloud[None], truth[None])[0]):.6g}")
 
 
 def _dense(network: Network, recipe: Recipe, points: torch.Tensor, touches: Sequence[CloudArray]) -> torch.Tensor:
@@ -110,6 +116,8 @@ def _dense(network: Network, recipe: Recipe, points: torch.Tensor, touches: Sequ
 def measured(folder: Path, steps: Sequence[int], registry: Registry) -> dict[int, Numbers]:
     """Return the numbers of a run's snapshots by step, after measuring those that are new.
 
+    Numbers stay when the weights are removed.
+
     Raises:
         UserError: the file of the numbers is malformed.
     """
@@ -118,16 +126,15 @@ def measured(folder: Path, steps: Sequence[int], registry: Registry) -> dict[int
     by_step = {}
     for step in steps:
         weights = folder / snapshot_file(step)
-        if not weights.exists():
-            continue
-        card = read_card(weights)
         entry = known.get(weights.name)
-        if entry is None or entry.sha256 != card["sha256"]:
+        card = read_card(weights) if weights.exists() else None
+        if card is not None and (entry is None or entry.sha256 != card["sha256"]):
             network, recipe, _ = load_weights(weights, registry)
             split = _test_split(folder.parent / "data" / card["data_fingerprint"][:12])
             known[weights.name] = entry = Measured(sha256=card["sha256"], cd=measure(network, recipe, split))
             write_text(path, FILE.dump_json(known).decode())
-        by_step[step] = entry.cd
+        if entry is not None:
+            by_step[step] = entry.cd
     return by_step
 
 
@@ -216,7 +223,7 @@ def draw(rows: Rows, path: Path) -> None:
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Draw fusion-study.png into this folder.")
-@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/fusion-study.json.")
+@click.option("--save", "saving", is_flag=True, help="Write benchmarks/results and docs/numbers/fusion-study.json.")
 def main(runs: Path, out: Path | None, saving: bool) -> None:
     """Print the tables of the study in RUNS."""
     torch.set_num_threads(1)
@@ -224,6 +231,11 @@ def main(runs: Path, out: Path | None, saving: bool) -> None:
         if out is not None and out.exists() and not out.is_dir():
             raise UserError(f"-o {out}: it is a file; name a folder")
         rows = read(runs, load_plugins())
+        if saving:
+            for _, folder in folders(runs, STUDY):
+                if (folder / MEASURED).exists():
+                    keep(folder, {MEASURED: (folder / MEASURED).read_text(encoding="utf-8")})
+            rows = read(KEPT, load_plugins())
         lines = table(rows)
         show(COLUMNS, lines)
         heads, *cells = over_steps(rows)

@@ -4,18 +4,20 @@ pcsr run table2; pcsr run table3; pcsr run table4; pcsr run table5
 python benchmarks/paper_tables.py RUNS [--save]
 
 Weights, error of each object and touch efficiency are those of `results.json` in each run folder; the paper's numbers
-are those of the recipes, in brackets.
+are those of the recipes, in brackets. `--save` copies the results to benchmarks/results, and makes the tables of all
+that are there.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import fmean
 
 import click
-from inserted_touches import inserted
+from inserted_touches import MEASURED, inserted
 from rich.console import Console
 from saved import save, show
-from study_runs import folders, row_of
+from study_runs import KEPT, folders, keep, row_of
 
 from pcsr.errors import PcsrError, UserError
 from pcsr.metrics.touch_effect import EFFICIENCY, EXCHANGED
@@ -24,7 +26,9 @@ from pcsr.plugins.registry import Registry
 from pcsr.report.tables.comparison import Comparison, comparison
 from pcsr.report.tables.rows import Row
 from pcsr.report.tables.scores import efficiency_cell
-from pcsr.run_files import RESULTS, FinishedRun, read_results_of
+from pcsr.results import read_results
+from pcsr.run_files import HISTORY, RESULTS, FinishedRun, read_history
+from pcsr.weights import WEIGHTS
 
 Table = tuple[Sequence[str], list[list[str]]]
 """Names of the columns, and rows of cells."""
@@ -59,7 +63,8 @@ def finished(runs: Path, study: str) -> Found:
     found: Found = {}
     for recipe, folder in folders(runs, study):
         if (folder / RESULTS).exists():
-            found.setdefault(row_of(recipe), []).append(read_results_of(folder))
+            run = FinishedRun(folder, read_results(folder / RESULTS), [], read_history(folder / HISTORY))
+            found.setdefault(row_of(recipe), []).append(run)
     return found
 
 
@@ -97,13 +102,24 @@ def last_quarter(run: FinishedRun) -> str:
     return f"{100 * (new / old - 1):+.1f} %"
 
 
+def content(run: FinishedRun) -> dict[str, str]:
+    """Return what is kept of a run, by the names of the files: results, and the validations of its training."""
+    files = (run.folder / name for name in (RESULTS, MEASURED))
+    texts = {path.name: path.read_text(encoding="utf-8") for path in files if path.exists()}
+    lines = (json.dumps(line) + "\n" for line in run.history or () if "validation" in line)
+    return texts | {HISTORY: "".join(lines)}
+
+
 def with_inserted(found: Found, registry: Registry) -> Found:
-    """Add, behind each network of Table 2 alone, the same with the touched points inserted into its result."""
+    """Add, behind each network of Table 2 alone, the same with the touched points inserted into its result.
+
+    Networks of which neither this nor the weights were kept are left out.
+    """
     more: Found = {}
     for name, runs in found.items():
         more[name] = runs
         touched = found.get(f"{name}-touch-edge-conv")
-        if touched is not None:
+        if touched is not None and any((runs[0].folder / file).exists() for file in (MEASURED, WEIGHTS)):
             more[f"{name}{INSERTED}"] = [inserted(runs[0], touched[0], registry)]
     return more
 
@@ -204,7 +220,7 @@ TABLES: dict[str, tuple[str, Callable[[Found], Table]]] = {
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.option("--save", "saving", is_flag=True, help="Write docs/numbers/table-2.json and so on.")
+@click.option("--save", "saving", is_flag=True, help="Write benchmarks/results, docs/numbers/table-2.json and so on.")
 def main(runs: Path, saving: bool) -> None:
     """Print the tables of the runs in RUNS."""
     console, made = Console(stderr=True), False
@@ -212,6 +228,10 @@ def main(runs: Path, saving: bool) -> None:
         for name, (study, make) in TABLES.items():
             found = finished(runs, study)
             columns, rows = make(found) if found else ((), [])
+            if rows and saving:
+                for run in (run for of_row in found.values() for run in of_row):
+                    keep(run.folder, content(run))
+                columns, rows = make(finished(KEPT, study))
             if not rows:
                 console.print(f"{name}: left out, as its runs in {runs} are not finished", soft_wrap=True)
                 continue

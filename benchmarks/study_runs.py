@@ -1,14 +1,18 @@
-"""The run folders of a study."""
+"""The run folders of a study, and what is kept of them in benchmarks/results."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
 from rich.console import Console
 
+from pcsr.files import write_text
 from pcsr.plugins.loading import load_plugins
 from pcsr.recipe import Recipe, load
 from pcsr.report.tables.rows import SEED
+
+KEPT = Path(__file__).parent / "results"
+"""Numbers of the trainings that the pages tell of, without their weights, in folders named as the run folders."""
 
 
 @cache
@@ -44,3 +48,15 @@ def folders(runs: Path, study: str) -> Iterator[tuple[Recipe, Path]]:
         for path in sorted(runs.glob(f"{recipe.name}-????????")):
             if not path.name.endswith(own):
                 console.print(f"{path}: left out, as its settings are not those of {study}", soft_wrap=True)
+
+
+def keep(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files of a run folder to benchmarks/results, in place of those that are there.
+
+    Args:
+        folder: the run folder.
+        texts: the files' content by their names.
+    """
+    (KEPT / folder.name).mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        write_text(KEPT / folder.name / name, text)

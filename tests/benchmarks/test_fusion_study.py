@@ -1,6 +1,7 @@
 """benchmarks/fusion_study.py: what is measured of a snapshot, which runs count, and what the tables say."""
 
 import importlib
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -131,7 +132,8 @@ def test_a_snapshot_is_measured_once_unless_it_changes(run, tmp_path, network):
     assert again[2] == first["pool"][2]
     assert again[8] != first["pool"][8]
     (path / "weights-2.safetensors").unlink()
-    assert list(study.read(tmp_path / "runs", REGISTRY)["pool"]) == [8]
+    assert study.read(tmp_path / "runs", REGISTRY)["pool"] == again
+    assert len(calls) == 3
 
 
 @pytest.mark.parametrize(
@@ -155,6 +157,22 @@ def test_without_snapshots_it_says_what_makes_some(tmp_path):
     (tmp_path / "runs").mkdir()
     with pytest.raises(UserError, match=r"runs holds no snapshot of the study: `pcsr run fusions/study --runs "):
         study.read(tmp_path / "runs", REGISTRY)
+
+
+def test_numbers_that_are_kept_are_shown_with_those_of_later_runs(run, tmp_path, monkeypatch):
+    leave, calls = run
+    monkeypatch.setattr(study_runs, "KEPT", tmp_path / "kept")
+    monkeypatch.setattr(study, "KEPT", tmp_path / "kept")
+    saved = {}
+    monkeypatch.setattr(study, "save", lambda name, command, columns, lines: saved.update({name: lines}))
+    for name in ("fusions-pool-seed.0", "fusions-iterative-seed.1"):
+        path = leave(name)
+        done = CliRunner().invoke(study.main, [str(tmp_path / "runs"), "--save"])
+        assert done.exit_code == 0, done.output
+        shutil.rmtree(path)
+    assert [line[:3] for line in saved["fusion-study"]] == [["`iterative`", "1", "8"], ["`pool`", "1", "8"]]
+    assert len(calls) == 4
+    assert {path.name for path in (tmp_path / "kept").rglob("*.*") if path.is_file()} == {"snapshots.json"}
 
 
 def numbers(without, own, other, replaced):

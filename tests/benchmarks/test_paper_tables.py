@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(ROOT / "benchmarks"))
     tables = importlib.import_module("paper_tables")
-    recipes = importlib.import_module("study_runs").recipes
+    study_runs = importlib.import_module("study_runs")
 
 
 def change(folder, **results):
@@ -26,7 +27,7 @@ def change(folder, **results):
 
 def put_row(runs, name, **given):
     """Write the run folder of a study's row, by the fingerprint of its recipe."""
-    (recipe,) = [one for one in recipes(name.partition("-")[0]) if one.name == name]
+    (recipe,) = [one for one in study_runs.recipes(name.partition("-")[0]) if one.name == name]
     return put(runs / f"{name}-{recipe.fingerprint[:8]}", name, **given)
 
 
@@ -57,6 +58,7 @@ def of_other_fusion(alone, touched, registry):
 
 def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs, monkeypatch):
     monkeypatch.setattr(tables, "inserted", of_other_fusion)
+    monkeypatch.setattr(tables, "MEASURED", "results.json")  # as if it had been measured
     tapsr = put_row(runs, "table2-tapsr", fusion="iterative")
     put_row(runs, "table2-pu-gcn-touch-edge-conv", fusion="edge-conv")
     fused = put_row(runs, "table2-pu-gcn-touch", fusion="iterative")
@@ -169,6 +171,32 @@ def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
     assert done.exit_code == 0, done.output
     assert "table-3" in done.output
     assert "table-2: left out, as its runs" in done.output
+
+
+def test_results_that_are_kept_are_in_the_tables_with_those_of_later_runs(runs, tmp_path, monkeypatch):
+    for module in (tables, study_runs):
+        monkeypatch.setattr(module, "KEPT", tmp_path / "kept")
+    saved = {}
+    monkeypatch.setattr(tables, "save", lambda name, command, columns, rows: saved.update({name: rows}))
+    validation = {"epoch": 1, "step": 8, "validation": {"cd": 0.1}}
+    for name, fusion in (("mpu", "none"), ("mpu-touch", "iterative")):
+        folder = put_row(runs, f"table2-{name}", fusion=fusion)
+        with (folder / "metrics.jsonl").open("a") as history:
+            history.write(json.dumps(validation) + "\n")
+        done = CliRunner().invoke(tables.main, [str(runs), "--save"])
+        assert done.exit_code == 0, done.output
+        shutil.rmtree(folder)
+    assert [row[:2] for row in saved["table-2"]] == [["mpu", "–"], ["mpu", "the paper's fusion"], ["midpoint", ""]]
+    (kept,) = tables.finished(tmp_path / "kept", "table2")["mpu"]
+    assert kept.history == [validation]
+    assert {path.name for path in kept.folder.iterdir()} == {"results.json", "metrics.jsonl"}
+
+
+def test_a_network_of_which_neither_weights_nor_numbers_were_kept_has_no_line_of_inserted_touches(runs):
+    for name, fusion in (("mpu", "none"), ("mpu-touch-edge-conv", "edge-conv")):
+        put_row(runs, f"table2-{name}", fusion=fusion)
+    _, lines = tables.table2(tables.finished(runs, "table2"))
+    assert [line[:2] for line in lines] == [["mpu", "–"], ["mpu", "points kept"], ["midpoint", ""]]
 
 
 def test_without_finished_runs_the_command_says_what_makes_some(tmp_path):
