@@ -163,8 +163,10 @@ def table3(found: Found) -> Table:
     """A row for each rate."""
     _, rows = compared(found, "table3")
     lines = []
-    for rate in sorted({runs[0].results.data.rate for runs in found.values()}):
-        names = (f"pu-transformer-rate.{rate}", f"tapsr-rate.{rate}", f"midpoint {rate}×")
+    rates = sorted({runs[0].results.data.rate for runs in found.values()})
+    for rate in rates:
+        midpoint = f"midpoint {rate}×" if len(rates) > 1 else "midpoint"
+        names = (f"pu-transformer-rate.{rate}", f"tapsr-rate.{rate}", midpoint)
         lines.append([str(rate), *(cell(rows[name], "cd") if name in rows else "–" for name in names)])
     return ["rate", "PU-Transformer", "TAPSR, 4 touches", "midpoint"], lines
 

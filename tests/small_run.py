@@ -32,8 +32,9 @@ def put(
     results = {
         "name": name, "fingerprint": f"ab12cd34ef{seed}", "seed": seed, "version": "0.2.0", "recipe": recipe,
         "data": {
-            "shapes": "cad-parts", "split": "test", "points": data.get("points", 32), "truth": 128, "rate": 4,
-            "touches": 0, "sampling": "random", "seed": 0, "normalisation": "none", "fingerprint": "f00",
+            "shapes": "cad-parts", "split": "test", "points": data.get("points", 32), "truth": 128,
+            "rate": data.get("rate", 4), "touches": 0, "sampling": "random", "seed": 0,
+            "normalisation": "none", "fingerprint": "f00",
         },
         "metrics": {"cd": {"description": "distance", "scale": 1000}},
         "objects": [f"part {k}" for k in range(OBJECTS)], "groups": ["part"] * OBJECTS,

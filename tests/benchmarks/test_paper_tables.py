@@ -173,6 +173,15 @@ def test_the_command_prints_what_is_finished_and_names_what_is_not(runs):
     assert "table-2: left out, as its runs" in done.output
 
 
+def test_table_3_has_a_row_for_each_rate_with_its_own_baseline(runs):
+    for rate, factor in ((16, 0.5), (8, 2.0)):
+        put_row(runs, f"table3-tapsr-rate.{rate}", factor=factor, rate=rate)
+        _, lines = tables.table3(tables.finished(runs, "table3"))
+        assert [line[3] == "–" for line in lines] == [False] * len(lines)
+        assert float(lines[0][2].split()[0]) == pytest.approx(float(lines[0][3].split()[0]) * factor, rel=0.01)
+    assert [line[:2] for line in lines] == [["8", "–"], ["16", "–"]]
+
+
 def test_results_that_are_kept_are_in_the_tables_with_those_of_later_runs(runs, tmp_path, monkeypatch):
     for module in (tables, study_runs):
         monkeypatch.setattr(module, "KEPT", tmp_path / "kept")
