@@ -36,8 +36,13 @@ COLUMNS = ("row", "seeds", "step", "cd without touch", "with touches", "with ano
 COLUMNS += (f"{EFFICIENCY} of another object's", "change of the result by touch", "cd with another object's features")
 
 
-def read(runs: Path, registry: Registry) -> Rows:
+def read(runs: Path, registry: Registry, *, keeping: bool = False) -> Rows:
     """Measure the study's runs, in the order of its rows.
+
+    Args:
+        runs: folder of the run folders.
+        registry: installed parts.
+        keeping: also copy the numbers of each run to benchmarks/results.
 
     Raises:
         UserError: there are no snapshots, or the test data are not in RUNS/data.
@@ -45,8 +50,11 @@ def read(runs: Path, registry: Registry) -> Rows:
     rows: Rows = defaultdict(lambda: defaultdict(list))
     found = list(folders(runs, STUDY))
     for recipe, folder in track(found, "measuring", console=Console(stderr=True), transient=True):
-        for step, numbers in measured(folder, recipe.train.snapshots, registry).items():
+        by_step = measured(folder, recipe.train.snapshots, registry)
+        for step, numbers in by_step.items():
             rows[row_of(recipe)][step].append(numbers)
+        if keeping and by_step:
+            keep(folder, {MEASURED: (folder / MEASURED).read_text(encoding="utf-8")})
     if not rows:
         raise UserError(f"{runs} holds no snapshot of the study: `pcsr run fusions/study --runs {runs}` makes some")
     return dict(rows)
@@ -107,11 +115,8 @@ def main(runs: Path, out: Path | None, saving: bool) -> None:
     try:
         if out is not None and out.exists() and not out.is_dir():
             raise UserError(f"-o {out}: it is a file; name a folder")
-        rows = read(runs, load_plugins())
+        rows = read(runs, load_plugins(), keeping=saving)
         if saving:
-            for _, folder in folders(runs, STUDY):
-                if (folder / MEASURED).exists():
-                    keep(folder, {MEASURED: (folder / MEASURED).read_text(encoding="utf-8")})
             rows = read(KEPT, load_plugins())
         lines = table(rows)
         show(COLUMNS, lines)

@@ -106,8 +106,8 @@ def content(run: FinishedRun) -> dict[str, str]:
     """Return what is kept of a run, by the names of the files: results, and the validations of its training."""
     files = (run.folder / name for name in (RESULTS, MEASURED))
     texts = {path.name: path.read_text(encoding="utf-8") for path in files if path.exists()}
-    lines = (json.dumps(line) + "\n" for line in run.history or () if "validation" in line)
-    return texts | {HISTORY: "".join(lines)}
+    lines = [json.dumps(line) + "\n" for line in run.history or () if "validation" in line]
+    return texts | ({HISTORY: "".join(lines)} if lines else {})
 
 
 def with_inserted(found: Found, registry: Registry) -> Found:

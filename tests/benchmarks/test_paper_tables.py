@@ -58,11 +58,11 @@ def of_other_fusion(alone, touched, registry):
 
 def test_table_2_has_the_finished_rows_in_the_order_of_the_recipe(runs, monkeypatch):
     monkeypatch.setattr(tables, "inserted", of_other_fusion)
-    monkeypatch.setattr(tables, "MEASURED", "results.json")  # as if it had been measured
     tapsr = put_row(runs, "table2-tapsr", fusion="iterative")
     put_row(runs, "table2-pu-gcn-touch-edge-conv", fusion="edge-conv")
     fused = put_row(runs, "table2-pu-gcn-touch", fusion="iterative")
     alone = put_row(runs, "table2-pu-gcn")
+    (alone / "inserted.json").touch()
     unfinish(put_row(runs, "table2-mpu"))
     put(runs / "other-00000006", "other")
     change(fused, touch=effect(0.9, 1.0, 0.6) | {"exchanged": [0.95] * 8})
@@ -199,6 +199,8 @@ def test_results_that_are_kept_are_in_the_tables_with_those_of_later_runs(runs, 
     (kept,) = tables.finished(tmp_path / "kept", "table2")["mpu"]
     assert kept.history == [validation]
     assert {path.name for path in kept.folder.iterdir()} == {"results.json", "metrics.jsonl"}
+    (kept.folder / "metrics.jsonl").unlink()
+    assert tables.content(tables.finished(tmp_path / "kept", "table2")["mpu"][0]).keys() == {"results.json"}
 
 
 def test_a_network_of_which_neither_weights_nor_numbers_were_kept_has_no_line_of_inserted_touches(runs):
